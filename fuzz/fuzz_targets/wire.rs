@@ -73,15 +73,15 @@ fuzz_target!(|input: &[u8]| {
             _ => FrameFormat::Remote,
         };
         let length = usize::from(8 - (chunk[1] >> 4 & 7));
-        let (arms, before) = (node.arms(), node.frames().refused);
+        let (arms, before) = (node.core().arms(), node.frames().refused);
         node.handle_frame(now_ns, &Frame::new(id, format, &chunk[2..2 + length]).expect("a frame"));
         // What arms and commands nothing lets nothing act that came before.
         let Id::Standard(number) = id else { continue };
-        let is_newly_armed = node.arms() > arms && node.is_armed() && !node.is_ramping();
+        let is_newly_armed = node.core().arms() > arms && node.is_armed() && !node.is_ramping();
         if is_newly_armed && !can_command(kind, number) {
             assert!(!acts_by_itself(&*node, now_ns, sample), "a load of before the arming acts");
         }
-        assert!(!is_fd || node.arms() == arms, "a CAN FD frame armed the plant");
+        assert!(!is_fd || node.core().arms() == arms, "a CAN FD frame armed the plant");
         assert!(node.frames().refused >= before);
         if chunk[9] & 1 == 0 {
             continue;

@@ -130,7 +130,7 @@ impl Both {
             node.state().heartbeat_byte(),
             u8::from(node.has_heard_plant()),
             node.samples_played(),
-            node.missed_samples(),
+            node.work().missed_samples(),
             node.stale_samples(),
             node.slipped_periods(),
             node.frames().refused,

@@ -1,16 +1,12 @@
 //! A controller inside the exciter's node, which answers the samples that the node receives.
 
 use alloc::boxed::Box;
-use alloc::vec::Vec;
 
 use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
 use super::{TimeBase, sample};
-use crate::control::{
-    Abort, Answer, ControlSpectrum, Controller, LoadKind, NeededReading, ResponsePoint, SetPoint, StopReason,
-    TestProgress, TestReport,
-};
+use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
 use crate::rig::{Load, Measurement, Readings};
 
 /// Largest number of responses that wait to be fetched.
@@ -36,7 +32,8 @@ pub type ExciterOutcome = node::ExciterOutcome<Abort>;
 /// A controller inside the exciter's node, with the responses that it has read.
 #[derive(Debug)]
 pub struct Carried {
-    controller: Box<dyn Controller>,
+    /// The controller. What it has read and answered is fetched by the methods of this type.
+    pub controller: Box<dyn Controller>,
     responses: Queue<ResponsePoint, RESPONSES>,
     answers: Queue<(Measurement, Load), ANSWERS>,
     /// Sample that was last answered by a load, and that load.
@@ -74,48 +71,6 @@ impl Carried {
         self.last_answer
     }
 
-    /// Moves the controller to `set_point`; `false` if it does not accept it.
-    pub fn steer(&mut self, set_point: &SetPoint) -> bool {
-        self.controller.steer(set_point)
-    }
-
-    /// Returns the set-point that the controller approaches or holds; `None` if it accepts none.
-    pub fn set_point(&self) -> Option<SetPoint> {
-        self.controller.set_point()
-    }
-
-    /// Returns the state of a test; `None` if the controller controls none.
-    pub fn test_progress(&self) -> Option<TestProgress> {
-        self.controller.test_progress()
-    }
-
-    /// Returns the reason for which a test is stopped; `None` if it is not.
-    pub fn test_stop(&self) -> Option<StopReason> {
-        self.controller.test_stop()
-    }
-
-    /// Returns the spectrum by which a random test is controlled, while one is at a level.
-    pub fn control_spectrum(&self) -> Option<ControlSpectrum<'_>> {
-        self.controller.control_spectrum()
-    }
-
-    /// Returns the state of a test for a report; `None` if the controller controls none.
-    pub fn test_report(&self) -> Option<TestReport> {
-        TestReport::new(&*self.controller)
-    }
-}
-
-impl Carried {
-    /// Returns the readings that the controller needs.
-    pub(super) fn needs(&self) -> Vec<NeededReading> {
-        self.controller.needs()
-    }
-
-    /// Restarts the work at sample 0.
-    pub(super) fn restart(&mut self) {
-        self.controller.restart();
-    }
-
     /// Lets the controller answer a sample, and queues what it has read.
     pub(super) fn answer_sample(&mut self, measurement: &Measurement) -> Answer {
         let answer = self.controller.answer(measurement);
@@ -136,7 +91,7 @@ impl Answering for Carried {
     type Abort = Abort;
 
     fn restart(&mut self) {
-        Carried::restart(self);
+        self.controller.restart();
     }
 
     fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
@@ -162,18 +117,13 @@ impl Answering for Carried {
 
 /// Returns a node that lets `controller` answer a plant with `rate_hz` samples per second.
 pub fn carry(network: Network, rate_hz: u16, timing: Timing, controller: Box<dyn Controller>) -> ExciterNode {
-    let capabilities = capabilities(controller.load_kind());
-    ExciterNode::new(network, rate_hz, timing, capabilities, Carried::new(controller))
-}
-
-/// Returns the capabilities of the exciter's node: commands of one kind, limited by the range of the protocol
-/// only.
-fn capabilities(kind: LoadKind) -> Capabilities {
-    let (force_limit_n, torque_limit_nm) = match kind {
+    let (force_limit_n, torque_limit_nm) = match controller.load_kind() {
         // The exciter's own limits are the plant's to check; the controller's node only states the kind of
         // load.
         LoadKind::Force => (f32::MAX.into(), 0.0),
         LoadKind::Torque => (0.0, f32::MAX.into()),
     };
-    Capabilities { node: Node::Exciter, samples_per_frame: SamplesPerFrame::Two, force_limit_n, torque_limit_nm }
+    let capabilities =
+        Capabilities { node: Node::Exciter, samples_per_frame: SamplesPerFrame::Two, force_limit_n, torque_limit_nm };
+    ExciterNode::new(network, rate_hz, timing, capabilities, Carried::new(controller))
 }

@@ -1,27 +1,29 @@
 //! Causes of a plant's fault beyond its code: what the controller did, with counts and the first frame.
 
+use alloc::format;
+use alloc::string::String;
 use alloc::sync::Arc;
 use core::fmt;
+
+use thiserror::Error;
 
 use super::FrameCheck;
 use resonarm_protocol::{DecodeError, Frame};
 
 /// Cause of a plant's fault, beyond the code.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum FaultCause {
     /// A message requested a stop.
-    Stop(StopRequest),
+    #[error("stopped by {message}{}", signal.as_ref().map_or(String::new(), |(signal, value)| format!(", {signal} = {value}")))]
+    Stop {
+        /// Name of the message.
+        message: Arc<str>,
+        /// Signal that requested it, with its value; `None` if every frame of the message requests it.
+        signal: Option<(Arc<str>, f64)>,
+    },
     /// No command was accepted in time, although something was received.
+    #[error("{0}")]
     Unheeded(Unheeded),
-}
-
-/// Message that requested a stop.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StopRequest {
-    /// Name of the message.
-    pub message: Arc<str>,
-    /// Signal that requested it, with its value; `None` if every frame of the message requests it.
-    pub signal: Option<(Arc<str>, f64)>,
 }
 
 /// Frames and commands that were received and not used since the plant was armed or all of its drives accepted
@@ -48,11 +50,13 @@ pub struct RefusedFrame {
 }
 
 /// Check that a frame failed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum RefusedFor {
     /// A check of Resonarm's protocol.
+    #[error("{0}")]
     Protocol(DecodeError),
     /// A check of a user protocol's message.
+    #[error("{name}: {check}")]
     Message {
         /// Name of the message.
         name: Arc<str>,
@@ -60,6 +64,7 @@ pub enum RefusedFor {
         check: FrameCheck,
     },
     /// A PDO was shorter than its mapping.
+    #[error("RPDO {number} needs {mapped} bytes, but the frame has fewer")]
     ShortPdo {
         /// Number of the PDO, from 1.
         number: u16,
@@ -67,6 +72,7 @@ pub enum RefusedFor {
         mapped: usize,
     },
     /// A check of another CANopen frame.
+    #[error("{0}")]
     CanOpen(FrameCheck),
 }
 
@@ -89,18 +95,6 @@ impl Unheeded {
     }
 }
 
-impl fmt::Display for FaultCause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            FaultCause::Stop(StopRequest { message, signal: None }) => write!(f, "stopped by {message}"),
-            FaultCause::Stop(StopRequest { message, signal: Some((signal, value)) }) => {
-                write!(f, "stopped by {message}, {signal} = {value}")
-            }
-            FaultCause::Unheeded(unheeded) => unheeded.fmt(f),
-        }
-    }
-}
-
 impl fmt::Display for Unheeded {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Unheeded { frames, first, early, condition } = self;
@@ -120,18 +114,5 @@ impl fmt::Display for Unheeded {
             )?;
         }
         Ok(())
-    }
-}
-
-impl fmt::Display for RefusedFor {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            RefusedFor::Protocol(error) => error.fmt(f),
-            RefusedFor::Message { name, check } => write!(f, "{name}: {check}"),
-            RefusedFor::ShortPdo { number, mapped } => {
-                write!(f, "RPDO {number} needs {mapped} bytes, but the frame has fewer")
-            }
-            RefusedFor::CanOpen(check) => check.fmt(f),
-        }
     }
 }

@@ -52,11 +52,6 @@ pub trait ExciterInterface: fmt::Debug + Send {
         self.work().samples_played()
     }
 
-    /// Returns the number of the plant's samples that were never complete.
-    fn missed_samples(&self) -> u64 {
-        self.work().missed_samples()
-    }
-
     /// Returns the sample periods by which the plant's schedule has moved, as reported; 0 if the protocol can't
     /// report it.
     fn slipped_periods(&self) -> u64 {
@@ -114,7 +109,7 @@ pub trait ExciterInterface: fmt::Debug + Send {
     /// if it does.
     ///
     /// # Errors
-    /// [`ExciterLack::NativeReadings`] names those that it does not carry.
+    /// [`ExciterLack::OtherReadings`] names those that it does not carry.
     fn check_readings(&self) -> Result<(), ExciterLack> {
         Ok(())
     }
@@ -185,9 +180,14 @@ impl ExciterInterface for ExciterNode {
     }
 
     fn check_readings(&self) -> Result<(), ExciterLack> {
-        let needs = self.carried().needs().into_iter();
+        let needs = self.carried().controller.needs().into_iter();
         let needed: Vec<_> = needs.filter(|needed| needed.place >= Measurement::CHANNELS).collect();
-        if needed.is_empty() { Ok(()) } else { Err(ExciterLack::NativeReadings { needed: names(&needed) }) }
+        if needed.is_empty() {
+            return Ok(());
+        }
+        let carried = "and Resonarm's protocol carries the impedance head, b and c alone: leave the limit in [limits.sensors] \
+                       out, or map a protocol of your own by [wire]";
+        Err(ExciterLack::OtherReadings { needed: names(&needed), carried })
     }
 
     fn start(&mut self, now_ns: u64) {

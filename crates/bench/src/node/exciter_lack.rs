@@ -1,7 +1,6 @@
 //! Features that a user protocol lacks for Resonarm's controllers, and the consequences.
 
 use alloc::vec::Vec;
-use core::fmt;
 
 use thiserror::Error;
 
@@ -45,31 +44,19 @@ pub enum ExciterLack {
     #[error(
         "the controller reads {}, but no message of every sample carries {}: give a [[wire.readings]] with `every = 1` \
          and that `quantity`",
-        Names(needed), if needed.len() == 1 { "it" } else { "them" }
+        needed.join(", "), if needed.len() == 1 { "it" } else { "them" }
     )]
     Readings {
         /// Names of the readings.
         needed: Vec<ChannelName>,
     },
-    /// The controller needs readings that the native protocol does not carry.
-    #[error(
-        "the controller reads {}, and Resonarm's protocol carries the impedance head, b and c alone: leave the limit in \
-         [limits.sensors] out, or map a protocol of your own by [wire]",
-        Names(needed)
-    )]
-    NativeReadings {
+    /// The controller needs readings of a kind that the protocol can't carry.
+    #[error("the controller reads {}, {carried}", needed.join(", "))]
+    OtherReadings {
         /// Names of the readings.
         needed: Vec<ChannelName>,
-    },
-    /// The controller needs readings, which CANopen drives do not have.
-    #[error(
-        "the controller reads {}, but CANopen drives report only angles and torques: give an [excitation], without \
-         [limits.sensors]",
-        Names(needed)
-    )]
-    Drives {
-        /// Names of the readings.
-        needed: Vec<ChannelName>,
+        /// What the protocol carries, and what to change, in words.
+        carried: &'static str,
     },
     /// The load has a part that the native protocol does not carry.
     #[error(
@@ -80,20 +67,13 @@ pub enum ExciterLack {
         /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
-    /// The load has a part that no drive exerts.
-    #[error("the exciter's load has more {part} than any drive of wire.drives can exert: change the excitation")]
-    Torque {
-        /// Part of the load that can't be commanded, with its unit.
-        part: ChannelName,
-    },
-    /// The load has a part that no signal commands.
-    #[error(
-        "the exciter's load has more {part} than any signal of [[wire.commands]] can command: map it there, or \
-         change the excitation"
-    )]
+    /// The load has a part that no drive exerts, or no signal commands.
+    #[error("the exciter's load has more {part} than any {limit}")]
     Load {
         /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
+        /// What limits it, and what to change, in words.
+        limit: &'static str,
     },
     /// Signals that must be in one payload are multiplexed apart.
     #[error("message 0x{:X}: its loads are multiplexed apart, so no payload has all of them: map them in one", id.raw())]
@@ -125,7 +105,7 @@ pub enum ExciterLack {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum ExciterRemark {
     /// Readings that it does not receive.
-    #[error("no message of every answered sample carries {}: the exciter reads NaN for it", Names(unread))]
+    #[error("no message of every answered sample carries {}: the exciter reads NaN for it", unread.join(", "))]
     Unread {
         /// Names of the readings.
         unread: Vec<ChannelName>,
@@ -149,17 +129,4 @@ pub enum ExciterRemark {
 /// Returns the names of readings.
 pub(super) fn names(readings: &[NeededReading]) -> Vec<ChannelName> {
     readings.iter().map(|reading| reading.name).collect()
-}
-
-/// List of names, for messages.
-struct Names<'a>(&'a [ChannelName]);
-
-impl fmt::Display for Names<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (number, name) in self.0.iter().enumerate() {
-            f.write_str(if number == 0 { "" } else { ", " })?;
-            f.write_str(name)?;
-        }
-        Ok(())
-    }
 }

@@ -1,38 +1,37 @@
 //! The path of a command to the structure, whatever the protocol: the gate with its limits, the hold, and the
 //! time for which it is valid. The guard arms, disarms and faults the node's core, and the load follows.
 
-use alloc::sync::Arc;
-
 use resonarm_protocol::node::{NodeCore, NodeEvent};
-use resonarm_protocol::{CommandGate, Emergency, EmergencyCode, Frame, Node, NodeState, Refusal, StateEvent};
+use resonarm_protocol::{CommandGate, Emergency, EmergencyCode, Node, NodeState, Refusal, StateEvent};
 
-use super::cause::{FaultCause, RefusedFor, Unheeded};
+use super::cause::{FaultCause, Unheeded};
 use super::hold::Hold;
 use super::refusals::RefusedLoad;
 use super::{Refusals, Timing};
-use crate::rig::Load;
-use crate::rig::{Exciter, GateSpec};
+use crate::rig::{Exciter, GateSpec, Load};
 
 /// The gate of a plant's node, with the load that acts.
 #[derive(Clone, Debug)]
 pub struct Guard {
     exciter: Exciter,
-    limits: GateSpec,
+    /// Limits beyond those of the exciter.
+    pub(super) limits: GateSpec,
     rate_hz: u16,
     timeout_ns: u64,
     gate: CommandGate,
     hold: Hold,
     /// Index of the last measured sample.
-    sample: u64,
+    pub(super) sample: u64,
     /// Travel of the driven point at that sample, m.
     travel_m: f64,
     /// Time of the last accepted command, or of arming, ns of time listened.
     taken_ns: u64,
     refused_since_taken: u64,
     refusals: Refusals,
-    unheeded: Unheeded,
+    /// What was received since the last accepted command and not used.
+    pub(super) unheeded: Unheeded,
     /// Cause of the node's last fault, beyond the code.
-    cause: Option<FaultCause>,
+    pub(super) cause: Option<FaultCause>,
 }
 
 impl Guard {
@@ -57,19 +56,9 @@ impl Guard {
         }
     }
 
-    /// Sets the limits beyond those of the exciter.
-    pub fn set_limits(&mut self, limits: GateSpec) {
-        self.limits = limits;
-    }
-
     /// Notes a measured sample with the distance of the driven point from rest, m.
     pub fn measured(&mut self, sample: u64, travel_m: f64) {
         (self.sample, self.travel_m) = (sample, travel_m);
-    }
-
-    /// Returns the last measured sample.
-    pub fn sample(&self) -> u64 {
-        self.sample
     }
 
     /// Arms the plant; no sample counts as answered.
@@ -94,7 +83,7 @@ impl Guard {
         debug_assert!(!code.is_notice(), "{code:?} is no fault");
         match code {
             // There is nothing to ramp: the simulation can't continue, or the exciter exerts no load any more.
-            EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped => self.hold.drop_load(),
+            EmergencyCode::SimulationFailed | EmergencyCode::ExciterTripped => self.hold.take(Load::default()),
             _ => self.hold.release(),
         }
         let emergency = self.emergency(code, detail);
@@ -111,16 +100,6 @@ impl Guard {
     /// Returns an emergency of the plant at the last measured sample.
     pub fn emergency(&self, code: EmergencyCode, detail: u16) -> Emergency {
         Emergency { node: Node::Plant, code, detail, sample: self.sample as u16 }
-    }
-
-    /// States the cause of the plant's fault, beyond the code.
-    pub fn set_cause(&mut self, cause: FaultCause) {
-        self.cause = Some(cause);
-    }
-
-    /// Returns the cause of the plant's last fault, beyond the code.
-    pub fn cause(&self) -> Option<&FaultCause> {
-        self.cause.as_ref()
     }
 
     /// Accepts a command that answers the sample of index `index` and holds its load, if `state` and all limits
@@ -153,16 +132,6 @@ impl Guard {
     /// follows.
     pub fn heeded(&mut self) {
         self.unheeded = Unheeded::default();
-    }
-
-    /// Notes a rejected frame.
-    pub fn refuse_frame(&mut self, frame: &Frame, why: RefusedFor) {
-        self.unheeded.refuse(frame, why);
-    }
-
-    /// Notes a command that came before the message `condition` had a required value.
-    pub fn command_early(&mut self, condition: &Arc<str>) {
-        self.unheeded.command_early(condition);
     }
 
     /// Counts and notes a rejected command.

@@ -33,11 +33,6 @@ impl Hold {
         }
     }
 
-    /// Drops the load at once.
-    pub fn drop_load(&mut self) {
-        self.take(Load::default());
-    }
-
     /// Returns the load of the next sample period, one step down a running ramp.
     pub fn next(&mut self) -> Load {
         if self.ramp_left > 0 {

@@ -9,8 +9,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequ
 
 use super::guard::Guard;
 use super::{FaultCause, Refusals};
-use crate::rig::Load;
-use crate::rig::Measurement;
+use crate::rig::{Load, Measurement};
 use crate::structure::{ChannelName, States};
 
 /// The plant's node: frames and time go in, frames, loads and events come out. It allocates nothing after
@@ -41,19 +40,9 @@ pub trait PlantInterface: fmt::Debug + Send {
         self.core().is_operational()
     }
 
-    /// Returns how often the plant was armed.
-    fn arms(&self) -> u32 {
-        self.core().arms()
-    }
-
-    /// Returns how often the armed plant was disarmed or faulted. A lost event does not hide it.
-    fn leaves(&self) -> u32 {
-        self.core().leaves()
-    }
-
     /// Returns the cause of the plant's fault beyond the code, that is, what its controller did.
     fn fault_cause(&self) -> Option<FaultCause> {
-        self.guard().cause().filter(|_| self.state() == NodeState::Fault).cloned()
+        self.guard().cause.clone().filter(|_| self.state() == NodeState::Fault)
     }
 
     /// Returns whether the last published sample awaits no command.

@@ -39,7 +39,7 @@ mod wire;
 
 use carried::retry_ns;
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
-pub use cause::{FaultCause, RefusedFor, RefusedFrame, StopRequest, Unheeded};
+pub use cause::{FaultCause, RefusedFor, RefusedFrame, Unheeded};
 pub use exciter_interface::ExciterInterface;
 pub use exciter_lack::{ExciterLack, ExciterRemark};
 pub use guard::Guard;

@@ -11,10 +11,8 @@ use resonarm_protocol::{
 
 use super::cause::RefusedFor;
 use super::guard::Guard;
-use super::sample;
-use super::{NodeEvent, PlantInterface, PublishError, PublishedSample, Refusal, Timing};
-use crate::rig::Load;
-use crate::rig::{Exciter, GateSpec, Measurement};
+use super::{NodeEvent, PlantInterface, PublishError, PublishedSample, Refusal, Timing, sample};
+use crate::rig::{Exciter, GateSpec, Load, Measurement};
 
 /// The plant as a node: it publishes samples and accepts commands, which act only while it is armed.
 #[derive(Clone, Debug)]
@@ -71,7 +69,7 @@ impl PlantNode {
 
     /// Returns the node with these limits of its gate.
     pub fn with_limits(mut self, limits: GateSpec) -> PlantNode {
-        self.guard.set_limits(limits);
+        self.guard.limits = limits;
         self
     }
 
@@ -283,7 +281,7 @@ impl PlantInterface for PlantNode {
         let message = match self.link.accept(now_ns, frame) {
             Ok(Some(message)) => message,
             Ok(None) => return,
-            Err(Unused::Rejected(error)) => return self.guard.refuse_frame(frame, RefusedFor::Protocol(error)),
+            Err(Unused::Rejected(error)) => return self.guard.unheeded.refuse(frame, RefusedFor::Protocol(error)),
             Err(Unused::SecondSender(identifier)) => {
                 return self.fault(now_ns, EmergencyCode::SecondSender, identifier);
             }

@@ -120,12 +120,12 @@ impl<'a> Bench<'a> {
 
     /// Says whether the plant was ever armed.
     pub fn was_armed(&self) -> bool {
-        self.node.arms() > 0
+        self.node.core().arms() > 0
     }
 
     /// Says whether the plant was armed once and has been disarmed or has faulted.
     pub fn has_left_armed(&self) -> bool {
-        self.node.leaves() > 0
+        self.node.core().leaves() > 0
     }
 
     /// Boots the node of a run that began when the loop's clock read `clock_ns`.

@@ -11,7 +11,7 @@ use super::outage::{self, Outage};
 use super::{
     BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, TestState, Watched,
 };
-use resonarm_bench::control::ResponsePoint;
+use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{ExciterInterface, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Sent};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
@@ -95,12 +95,12 @@ impl ExciterReport {
             last_answer: node.carried().last_answer(),
             error,
             samples_played: node.samples_played(),
-            missed_samples: node.missed_samples(),
+            missed_samples: node.work().missed_samples(),
             slipped_periods: node.slipped_periods(),
             rearmed: 0,
             bus: BusCounts::default(),
             responses: Vec::new(),
-            test: node.carried().test_report(),
+            test: TestReport::new(&*node.carried().controller),
         }
     }
 }
@@ -368,14 +368,14 @@ pub(super) fn steer(node: &mut dyn ExciterInterface, watched: &mut Watched) -> b
             request_records(&request).into_iter().flatten().for_each(|record| notify_event(node, watched, record));
         }
         if let Request::Set(set_point) = &request
-            && !node.carried_mut().steer(set_point)
+            && !node.carried_mut().controller.steer(set_point)
         {
             notify_event(node, watched, ("request.refused", 0));
         }
     }
-    let carried = node.carried();
-    watched.notify_set_point(carried.set_point());
-    let test = carried.test_progress().map(|progress| TestState { progress, stopped: carried.test_stop() });
+    let controller = &node.carried().controller;
+    watched.notify_set_point(controller.set_point());
+    let test = controller.test_progress().map(|progress| TestState { progress, stopped: controller.test_stop() });
     watched.notify_test(node.samples_played(), test);
     disarm
 }

@@ -341,7 +341,7 @@ fn text_of_fault(
     bus_loss: Option<BusLoss>,
 ) -> String {
     let mut text = match cause {
-        Some(stop @ FaultCause::Stop(_)) => format!("{stop}, at sample {}", emergency.sample),
+        Some(stop @ FaultCause::Stop { .. }) => format!("{stop}, at sample {}", emergency.sample),
         Some(FaultCause::Unheeded(unheeded)) => format!("fault of the {emergency}: {unheeded}"),
         None => format!("fault of the {emergency}"),
     };
@@ -367,7 +367,7 @@ fn text_of_fault(
                 "correct the frames of the controller: `resonarm protocol decode` says why each frame is rejected"
             }
             Some(FaultCause::Unheeded(_)) => "let the controller send that message before its commands",
-            Some(FaultCause::Stop(_)) | None => remedy(emergency),
+            Some(FaultCause::Stop { .. }) | None => remedy(emergency),
         },
     };
     let _infallible = write!(text, "{REMEDY}{remedy}");

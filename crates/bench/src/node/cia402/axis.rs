@@ -10,14 +10,14 @@ use resonarm_wire::canopen::{Abort, Device, NmtCommand};
 /// A drive as a master commands it.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
-    spec: DriveSpec,
+    pub spec: DriveSpec,
     state: DriveState,
     controlword: u16,
-    mode: i8,
+    pub mode: i8,
     /// Last received target until it is judged, N·m at the joint.
     pending_nm: Option<f64>,
     /// Part of the held load that the drive exerts, N·m at the joint.
-    acting_nm: f64,
+    pub acting_nm: f64,
     /// Whether that part has become zero since [`Axis::take_stopped`].
     is_stopped: bool,
     /// Whether the drive has been enabled since [`Axis::restart`].
@@ -28,11 +28,12 @@ pub(super) struct Axis {
     is_leaving: bool,
     /// Time of the last accepted target, or of enabling, ns of time listened.
     taken_ns: u64,
-    fault: Option<EmergencyCode>,
+    /// Latched fault.
+    pub fault: Option<EmergencyCode>,
     /// Counter of changes of state, mode and fault: a target received before a change never acts after it.
     epoch: u32,
     /// Number of targets that newer ones replaced before they were judged.
-    overwritten: u64,
+    pub overwritten: u64,
 }
 
 impl Axis {
@@ -56,30 +57,12 @@ impl Axis {
         }
     }
 
-    pub fn spec(&self) -> &DriveSpec {
-        &self.spec
-    }
-
     pub fn state(&self) -> DriveState {
         self.state
     }
 
     pub fn is_enabled(&self) -> bool {
         self.state == DriveState::OperationEnabled
-    }
-
-    /// Returns the number of targets that newer ones replaced before they were judged.
-    pub fn overwritten(&self) -> u64 {
-        self.overwritten
-    }
-
-    pub fn mode(&self) -> i8 {
-        self.mode
-    }
-
-    /// Returns the latched fault.
-    pub fn fault_code(&self) -> Option<EmergencyCode> {
-        self.fault
     }
 
     /// Returns whether targets act: enabled, in the torque mode, not halted.
@@ -199,11 +182,6 @@ impl Axis {
     /// Returns whether a target waits to be judged.
     pub fn is_new(&self) -> bool {
         self.pending_nm.is_some()
-    }
-
-    /// Returns its acting part of the load, N·m at the joint.
-    pub fn acting_nm(&self) -> f64 {
-        self.acting_nm
     }
 
     /// Returns the part of the load that is judged: the waiting target, or what acts, N·m at the joint.

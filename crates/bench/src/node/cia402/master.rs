@@ -26,8 +26,7 @@ use crate::node::{
     Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameFault, TimeBase, Timing,
     retry_ns,
 };
-use crate::rig::Load;
-use crate::rig::{Measurement, Reading, Readings};
+use crate::rig::{Load, Measurement, Reading, Readings};
 use crate::structure::{LOADS, OUTPUTS};
 use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id};
@@ -120,7 +119,7 @@ impl Cia402Exciter {
     /// Returns a master that lets `controller` answer these drives with `rate_hz` samples per second.
     ///
     /// # Errors
-    /// [`ExciterLack::Drives`] if the controller needs readings.
+    /// [`ExciterLack::OtherReadings`] if the controller needs readings.
     pub fn new(
         spec: &Cia402Spec,
         (rate_hz, time_base): (u16, TimeBase),
@@ -131,9 +130,11 @@ impl Cia402Exciter {
             |drive: &DriveSpec| Slave { spec: *drive, state: None, has_mode: false, has_position: false, target: 0 };
         let slaves: Vec<Slave> = spec.drives.iter().map(slave).collect();
         let work = Work::new(Carried::new(controller), &timing, retry_ns(time_base));
-        let needs = work.controller.needs();
+        let needs = work.controller.controller.needs();
         if !needs.is_empty() {
-            return Err(ExciterLack::Drives { needed: names(&needs) });
+            let carried =
+                "but CANopen drives report only angles and torques: give an [excitation], without [limits.sensors]";
+            return Err(ExciterLack::OtherReadings { needed: names(&needs), carried });
         }
         Ok(Cia402Exciter {
             // Room for a start, a mode and every controlword of each drive, and SYNC.
@@ -389,7 +390,10 @@ impl ExciterInterface for Cia402Exciter {
             |place: usize| self.slaves.iter().any(|slave| slave.spec.joint == place && slave.target_of(load).is_some());
         match load.parts().into_iter().enumerate().find(|(place, part)| *part != 0.0 && !has(*place)) {
             None => Ok(()),
-            Some((place, _)) => Err(ExciterLack::Torque { part: LOADS[place].name }),
+            Some((place, _)) => {
+                let limit = "drive of wire.drives can exert: change the excitation";
+                Err(ExciterLack::Load { part: LOADS[place].name, limit })
+            }
         }
     }
 

@@ -23,8 +23,7 @@ use alloc::vec::Vec;
 use super::cause::RefusedFor;
 use super::guard::Guard;
 use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
-use crate::rig::Load;
-use crate::rig::{Exciter, GateSpec};
+use crate::rig::{Exciter, GateSpec, Load};
 use crate::structure::{States, joint_channel_name};
 use axis::Axis;
 pub use master::Cia402Exciter;
@@ -78,7 +77,7 @@ struct Drive {
 impl Drive {
     /// Shows the state of the drive in the object dictionary.
     fn show(&mut self) {
-        let code = self.axis.fault_code().map_or(0, error_code);
+        let code = self.axis.fault.map_or(0, error_code);
         let register = if code == 0 { 0 } else { error_register(code) };
         // A fault that has gone is announced by an emergency with code 0 (CiA 301), once.
         let is_over = code == 0 && self.server.dictionary().number(at(0x603F, 0)) != 0;
@@ -86,7 +85,7 @@ impl Drive {
         for (index, number) in [
             (0x603F, f64::from(code)),
             (0x6041, f64::from(self.axis.statusword())),
-            (0x6061, f64::from(self.axis.mode())),
+            (0x6061, f64::from(self.axis.mode)),
         ] {
             self.server.set(at(index, 0), number);
         }
@@ -97,7 +96,7 @@ impl Drive {
 
     /// Shows position, velocity and the torque that acted up to the sample in the object dictionary.
     fn measure(&mut self, states: &States, held: &Load) -> Result<(), PublishError> {
-        let (spec, joint) = (*self.axis.spec(), self.axis.spec().joint);
+        let (spec, joint) = (self.axis.spec, self.axis.spec.joint);
         let moved = [(states.coordinates(), false), (states.rates(), true)].map(|(of_joints, is_rate)| {
             let got = of_joints.get(joint).copied().unwrap_or(f64::NAN);
             if got.is_finite() {
@@ -117,7 +116,7 @@ impl Drive {
     }
 
     fn load(&self, torque_nm: f64) -> Load {
-        Load::at_joint(self.axis.spec().joint, torque_nm)
+        Load::at_joint(self.axis.spec.joint, torque_nm)
     }
 }
 
@@ -186,7 +185,7 @@ impl Cia402Node {
         } else if is_stopped && self.is_armed() {
             // Other drives are still enabled, or this one halts. Its torque drops at once, as that of a motor
             // without current.
-            self.guard.reduce(self.sum(|axis| axis.acting_nm()));
+            self.guard.reduce(self.sum(|axis| axis.acting_nm));
         }
         let (listening, is_reaction_over) = (self.core.listening, self.guard.ramp_left() == 0);
         for drive in &mut self.drives {
@@ -197,7 +196,7 @@ impl Cia402Node {
             drive.show();
         }
         self.core.counts.unsent = self.drives.iter().map(|drive| drive.server.unsent()).sum();
-        self.core.counts.overwritten = self.drives.iter().map(|drive| drive.axis.overwritten()).sum();
+        self.core.counts.overwritten = self.drives.iter().map(|drive| drive.axis.overwritten).sum();
         if self.waiting() > 0 {
             self.core.frame_waits();
         }
@@ -212,7 +211,7 @@ impl Cia402Node {
         if self.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
             return;
         }
-        let (index, load) = (self.guard.sample() as u16, self.sum(Axis::share_nm));
+        let (index, load) = (self.guard.sample as u16, self.sum(Axis::share_nm));
         let state = self.state();
         let outcome = self.guard.take(&mut self.core, state, index, load);
         let listening = self.core.listening;
@@ -232,7 +231,7 @@ impl Cia402Node {
         // answers.
         if self.time_base == TimeBase::Lockstep && was_armed && self.is_armed() {
             if self.is_synced {
-                return self.fault(now_ns, EmergencyCode::SampleSequence, self.guard.sample() as u16);
+                return self.fault(now_ns, EmergencyCode::SampleSequence, self.guard.sample as u16);
             }
             self.judge(now_ns);
             self.is_synced = true;
@@ -301,7 +300,7 @@ impl PlantInterface for Cia402Node {
         // A frame counts once, even if it concerns several drives.
         if let Some((check, why)) = refused {
             self.core.reject(FrameFault::Mapped { id: frame.id(), check });
-            self.guard.refuse_frame(frame, why);
+            self.guard.unheeded.refuse(frame, why);
         }
         if is_other_sender {
             self.core.reject_sender(frame.id());

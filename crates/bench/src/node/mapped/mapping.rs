@@ -6,8 +6,7 @@ use alloc::vec::Vec;
 pub use super::protection::{Form, Protection, ProtectionCheck, ProtectionFault};
 use nalgebra::Vector3;
 
-use crate::rig::Load;
-use crate::rig::MOST_CHANNELS;
+use crate::rig::{Load, MOST_CHANNELS};
 use crate::structure::States;
 use resonarm_protocol::{EmergencyCode, FrameFormat, Id, NodeState};
 use resonarm_wire::layout::Number;

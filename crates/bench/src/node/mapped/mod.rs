@@ -17,11 +17,10 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::cause::{FaultCause, RefusedFor, StopRequest};
+use super::cause::{FaultCause, RefusedFor};
 use super::guard::Guard;
 use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
-use crate::rig::Load;
-use crate::rig::{Exciter, GateSpec};
+use crate::rig::{Exciter, GateSpec, Load};
 use crate::structure::{ChannelName, OUTPUTS};
 use incoming::Receiver;
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
@@ -107,7 +106,7 @@ impl MappedNode {
         let is_remote = frame.format() == FrameFormat::Remote;
         let asks = is_remote || (frame.data().is_empty() && message.form().check(frame).is_ok());
         if asks && message.is_on_request {
-            self.queue(sender);
+            self.queue(|sender| sender.message.id == frame.id());
         } else if !asks {
             self.core.reject_sender(frame.id());
         }
@@ -149,9 +148,9 @@ impl MappedNode {
 
     /// Rejects waiting loads: they were received under other conditions than those that hold now.
     fn drop_waiting(&mut self, drive: usize) {
-        for receiver in 0..self.receivers.len() {
-            if self.receivers[receiver].message.drive == drive && self.receivers[receiver].is_new() {
-                self.receivers[receiver].judged(false, &self.core.listening);
+        for receiver in &mut self.receivers {
+            if receiver.message.drive == drive && receiver.is_new() {
+                receiver.judged(false, &self.core.listening);
                 self.guard.refuse(&mut self.core, Refusal::NotArmed);
             }
         }
@@ -162,9 +161,9 @@ impl MappedNode {
         let Receiver { message, .. } = &self.receivers[index];
         let signal = message.events.get(event).filter(|event| event.signal.is_some());
         let signal = signal.and_then(|signal| Some((signal.name.clone(), self.receivers[index].value(event)?)));
-        let request = StopRequest { message: message.name.clone(), signal };
+        let cause = FaultCause::Stop { message: message.name.clone(), signal };
         if self.fail(EmergencyCode::StopRequested, 0) {
-            self.guard.set_cause(FaultCause::Stop(request));
+            self.guard.cause = Some(cause);
         }
     }
 
@@ -225,7 +224,7 @@ impl MappedNode {
                 Round::Answered => self.fault(now_ns, EmergencyCode::SampleSequence, self.values.sample as u16),
             }
         } else {
-            self.queue_all(Trigger::Sync);
+            self.queue(|sender| sender.message.trigger == Trigger::Sync);
         }
     }
 
@@ -253,14 +252,14 @@ impl MappedNode {
         }
         self.has_begun = true;
         let is_meant = |number: usize| drive.is_none_or(|drive| drive == number);
-        for receiver in 0..self.receivers.len() {
-            let number = self.receivers[receiver].message.drive;
+        for receiver in &mut self.receivers {
+            let number = receiver.message.drive;
             if is_meant(number) && !self.drives[number] {
                 // A load that was received before the drive was armed never acts.
-                if self.receivers[receiver].is_new() {
+                if receiver.is_new() {
                     self.guard.refuse(&mut self.core, Refusal::NotArmed);
                 }
-                self.receivers[receiver].restart(&self.core.listening);
+                receiver.restart(&self.core.listening);
             }
         }
         (0..self.drives.len()).filter(|number| is_meant(*number)).for_each(|number| self.drives[number] = true);
@@ -302,14 +301,14 @@ impl MappedNode {
         let unready =
             self.receivers.iter().find(|receiver| !receiver.is_ready() && self.drives[receiver.message.drive]);
         if let Some(receiver) = unready {
-            self.guard.command_early(&receiver.message.name);
+            self.guard.unheeded.command_early(&receiver.message.name);
         }
         let is_ready = unready.is_none();
         let are_all_new = self.awaited().all(Receiver::is_new);
         // A drive that lacks a required value makes the plant count as not armed for this command: the gate
         // rejects it.
         let state = if is_ready { self.state() } else { NodeState::PreOperational };
-        let (index, load) = (self.guard.sample() as u16, self.shares());
+        let (index, load) = (self.guard.sample as u16, self.shares());
         let outcome = self.guard.take(&mut self.core, state, index, load);
         if outcome.is_ok() && are_all_new {
             self.guard.heeded();
@@ -326,10 +325,10 @@ impl MappedNode {
 
     /// Rejects loads to drives that are not armed, next to an armed one, each by itself.
     fn refuse_unarmed(&mut self) {
-        for receiver in 0..self.receivers.len() {
-            let Receiver { message, .. } = &self.receivers[receiver];
-            if self.is_armed() && !self.drives[message.drive] && self.receivers[receiver].is_new() {
-                self.receivers[receiver].judged(false, &self.core.listening);
+        let is_armed = self.is_armed();
+        for receiver in &mut self.receivers {
+            if is_armed && !self.drives[receiver.message.drive] && receiver.is_new() {
+                receiver.judged(false, &self.core.listening);
                 self.guard.refuse(&mut self.core, Refusal::NotArmed);
             }
         }
@@ -343,17 +342,12 @@ impl MappedNode {
         force_n <= 0.01 * force_limit_n && torque_nm <= 0.01 * torque_limit_nm
     }
 
-    fn queue(&mut self, sender: usize) {
-        if !self.senders[sender].queue() {
-            self.core.counts.unsent += 1;
-        }
-        self.core.frame_waits();
-    }
-
-    fn queue_all(&mut self, trigger: Trigger) {
-        for sender in 0..self.senders.len() {
-            if self.senders[sender].message.trigger == trigger {
-                self.queue(sender);
+    /// Queues the messages that are due.
+    fn queue(&mut self, mut is_due: impl FnMut(&mut Sender) -> bool) {
+        for sender in &mut self.senders {
+            if is_due(sender) {
+                self.core.counts.unsent += u64::from(!sender.queue());
+                self.core.frame_waits();
             }
         }
     }
@@ -394,7 +388,7 @@ impl PlantInterface for MappedNode {
     }
 
     fn waiting(&self) -> usize {
-        self.senders.iter().filter(|sender| sender.waits()).count()
+        self.senders.iter().filter(|sender| sender.waits).count()
     }
 
     fn start(&mut self, now_ns: u64) {
@@ -417,7 +411,7 @@ impl PlantInterface for MappedNode {
         if let Err(check) = self.handle_message(now_ns, index, frame) {
             let name = self.receivers[index].message.name.clone();
             self.core.reject(FrameFault::Mapped { id: frame.id(), check });
-            self.guard.refuse_frame(frame, RefusedFor::Message { name, check });
+            self.guard.unheeded.refuse(frame, RefusedFor::Message { name, check });
         }
     }
 
@@ -439,11 +433,7 @@ impl PlantInterface for MappedNode {
         if self.time_base == TimeBase::Clock || !self.is_armed() {
             self.judge(now_ns);
         }
-        for sender in 0..self.senders.len() {
-            if self.senders[sender].take_due(now_ns) {
-                self.queue(sender);
-            }
-        }
+        self.queue(|sender| sender.take_due(now_ns));
         if !self.is_armed() {
             return;
         }
@@ -479,16 +469,12 @@ impl PlantInterface for MappedNode {
             (self.values.readings[place], self.values.clipped[place]) = (reading.value, reading.clipped);
         }
         self.values.states = **states;
-        for sender in 0..self.senders.len() {
-            let is_due = match self.senders[sender].message.trigger {
-                Trigger::Every(samples) => measurement.sample.is_multiple_of(samples),
-                Trigger::Sync => self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Sync,
-                Trigger::Period(_) | Trigger::Request => false,
-            };
-            if is_due {
-                self.queue(sender);
-            }
-        }
+        let is_after_sync = self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Sync;
+        self.queue(|sender| match sender.message.trigger {
+            Trigger::Every(samples) => measurement.sample.is_multiple_of(samples),
+            Trigger::Sync => is_after_sync,
+            Trigger::Period(_) | Trigger::Request => false,
+        });
         Ok(())
     }
 
@@ -510,22 +496,22 @@ impl PlantInterface for MappedNode {
 
     fn waiting_frames(&mut self, most: usize, frames: &mut Vec<Frame>) {
         for sender in 0..self.senders.len() {
-            if frames.len() < most && self.senders[sender].waits() {
+            if frames.len() < most && self.senders[sender].waits {
                 let status = self.status(self.senders[sender].message.drive);
                 match self.senders[sender].frame(&self.values, &status) {
                     Some(frame) => frames.push(frame),
                     // Only a mapping that was not checked gets here. Its message is never sent.
-                    None => self.core.counts.unsent += u64::from(self.senders[sender].give_up()),
+                    None => self.core.counts.unsent += u64::from(core::mem::take(&mut self.senders[sender].waits)),
                 }
             }
         }
     }
 
     fn frame_sent(&mut self) {
-        if let Some(sender) = self.senders.iter_mut().find(|sender| sender.waits()) {
+        if let Some(sender) = self.senders.iter_mut().find(|sender| sender.waits) {
             self.core.counts.limited_values += sender.sent();
         }
-        self.core.frame_sent(self.senders.iter().any(Sender::waits));
+        self.core.frame_sent(self.senders.iter().any(|sender| sender.waits));
     }
 
     fn boxed_clone(&self) -> Box<dyn PlantInterface> {

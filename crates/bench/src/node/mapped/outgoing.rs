@@ -17,7 +17,8 @@ pub(super) struct Status {
 pub(super) struct Sender {
     pub message: Outgoing,
     counter: u64,
-    waits: bool,
+    /// Whether a frame of it waits.
+    pub waits: bool,
     due_ns: u64,
     /// Number of values of the last frame that its signals could not represent.
     limited: u64,
@@ -26,11 +27,6 @@ pub(super) struct Sender {
 impl Sender {
     pub fn new(message: Outgoing) -> Sender {
         Sender { message, counter: 0, waits: false, due_ns: 0, limited: 0 }
-    }
-
-    /// Returns whether a frame of it waits.
-    pub fn waits(&self) -> bool {
-        self.waits
     }
 
     /// Queues a frame for sending. Returns `false` if one waited already, which is then sent with newer values.
@@ -78,11 +74,6 @@ impl Sender {
             checksum.write(self.message.id, payload).ok()?;
         }
         Frame::new(self.message.id, self.message.format, payload).ok()
-    }
-
-    /// Drops a waiting frame. Returns whether there was one.
-    pub fn give_up(&mut self) -> bool {
-        core::mem::take(&mut self.waits)
     }
 
     /// Notes that the last frame has been sent. Returns how many values its signals could not represent.

@@ -551,7 +551,7 @@ impl Plant {
         let is_right = other.is_none() || (form == 1 && self.protocol == Protocol::MappedSync);
         self.take(&other.unwrap_or(right));
         let is_mapped = self.protocol != Protocol::CanOpen || (self.is_enabled && self.mapped == 0x6071);
-        let (arms, leaves) = (self.node.arms(), self.node.leaves());
+        let (arms, leaves) = (self.node.core().arms(), self.node.core().leaves());
         let is_good = is_right && is_mapped && self.node.is_armed();
         let setups = self.setups + self.mode_sets;
         let command = Command { is_good, arms, leaves, setups, is_taken: false, sent_ns: self.now_ns };
@@ -609,7 +609,7 @@ impl Plant {
             assert!(self.node.is_armed(), "{:?}: {load}", self.protocol);
             let of = usize::try_from(load).ok().and_then(|number| self.commands.get(number).copied().flatten());
             let command = of.unwrap_or_else(|| panic!("{:?}: nobody commanded {load}", self.protocol));
-            let (arms, leaves) = (self.node.arms(), self.node.leaves());
+            let (arms, leaves) = (self.node.core().arms(), self.node.core().leaves());
             let text = alloc::format!("{:?}: load {load} acts at {} ns, of {command:?}", self.protocol, self.now_ns);
             assert!(command.is_good, "{text}: it is malformed, or came before the plant was armed");
             assert_eq!((command.arms, command.leaves), (arms, leaves), "{text}: the plant was armed anew since");
@@ -648,7 +648,10 @@ fn of_hostile_frames_none_acts_that_is_not_fresh() {
             }
         }
         assert!(acted > count / 100, "{protocol:?}: good commands act: {acted}");
-        std::println!("{protocol:?}: {acted} samples with a load, all freshly commanded; {} arms", plant.node.arms());
+        std::println!(
+            "{protocol:?}: {acted} samples with a load, all freshly commanded; {} arms",
+            plant.node.core().arms()
+        );
     }
 }
 
@@ -670,12 +673,12 @@ fn rejected_frames_hide_no_transition() {
         reject(&mut plant);
         plant.arm();
         reject(&mut plant);
-        assert_eq!((plant.node.arms(), plant.node.leaves()), (1, 0), "{protocol:?}");
+        assert_eq!((plant.node.core().arms(), plant.node.core().leaves()), (1, 0), "{protocol:?}");
         let refused = plant.node.frames().refused;
         assert_eq!(refused, 600, "{protocol:?}");
         plant.node.fault(plant.now_ns, EmergencyCode::Overrun, 1);
         reject(&mut plant);
-        assert_eq!((plant.node.arms(), plant.node.leaves()), (1, 1), "{protocol:?}");
+        assert_eq!((plant.node.core().arms(), plant.node.core().leaves()), (1, 1), "{protocol:?}");
         let events: Vec<NodeEvent> = core::iter::from_fn(|| plant.node.poll_event()).collect();
         let to = |wanted| events.iter().any(|event| matches!(event, NodeEvent::State { to, .. } if *to == wanted));
         assert!(to(NodeState::Operational) && to(NodeState::Fault), "{protocol:?}: {events:?}");

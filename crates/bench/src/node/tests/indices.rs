@@ -37,7 +37,7 @@ fn an_older_or_repeated_index_is_ignored_and_counted() {
     for index in [100, 101, 100, 101, 102] {
         sample(&mut exciter, &mut plant, index);
     }
-    assert_eq!((exciter.samples_played(), exciter.missed_samples(), exciter.outcome()), (3, 0, None));
+    assert_eq!((exciter.samples_played(), exciter.work().missed_samples(), exciter.outcome()), (3, 0, None));
     assert_eq!(exciter.stale_samples(), 2);
 }
 
@@ -47,7 +47,7 @@ fn lost_samples_move_the_profile_on() {
     for index in [65_530, 4, 5] {
         sample(&mut exciter, &mut plant, index);
     }
-    assert_eq!((exciter.samples_played(), exciter.missed_samples(), exciter.outcome()), (12, 9, None));
+    assert_eq!((exciter.samples_played(), exciter.work().missed_samples(), exciter.outcome()), (12, 9, None));
 }
 
 #[test]

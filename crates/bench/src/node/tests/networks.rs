@@ -67,7 +67,7 @@ fn two_samples_go_in_a_frame_once_armed() {
     bench.run(600);
     assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     let exciter = bench.exciter.as_ref().unwrap();
-    assert_eq!((exciter.missed_samples(), exciter.frames().unsent, bench.plant.refusals().total()), (0, 0, 0));
+    assert_eq!((exciter.work().missed_samples(), exciter.frames().unsent, bench.plant.refusals().total()), (0, 0, 0));
     assert_eq!(exciter.samples_played(), profile(0.5).samples() + 1);
     let held: Vec<f64> = bench.loads.iter().map(|load| load.force_n.x).skip_while(|force| *force == 0.0).collect();
     let expected = profile(0.5);

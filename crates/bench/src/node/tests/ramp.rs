@@ -148,7 +148,7 @@ fn a_slip_is_reported_and_counted_and_is_no_fault() {
     bench.run(500);
     let exciter = bench.exciter.as_ref().unwrap();
     assert_eq!(
-        (exciter.slipped_periods(), exciter.missed_samples(), exciter.outcome()),
+        (exciter.slipped_periods(), exciter.work().missed_samples(), exciter.outcome()),
         (157, 0, Some(ExciterOutcome::Finished))
     );
     assert_eq!(bench.emergencies(), [EmergencyCode::ScheduleSlipped, EmergencyCode::ScheduleSlipped]);

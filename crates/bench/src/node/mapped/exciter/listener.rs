@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use crate::node::FrameCheck;
 use crate::node::mapped::mapping::{Mapping, Outgoing, ProtectionCheck, Said, Source, Trigger, Value};
 use crate::rig::{MOST_CHANNELS, Measurement};
-use resonarm_protocol::{EmergencyCode, Frame, Id, NodeState};
+use resonarm_protocol::{EmergencyCode, Frame, NodeState};
 use resonarm_wire::counter::Step;
 
 /// Number by which the samples of a message are counted.
@@ -22,7 +22,8 @@ enum Numbering {
 /// A message of the plant, with what has been received of it.
 #[derive(Clone, Debug)]
 pub(super) struct Listener {
-    message: Outgoing,
+    /// The message, with its identifier and the drive whose state it may report.
+    pub message: Outgoing,
     check: ProtectionCheck,
     numbering: Numbering,
     /// Number of samples from one frame to the next.
@@ -44,17 +45,8 @@ pub(super) struct Heard {
     pub ahead: u64,
     /// State of its drive, if the message carries it.
     pub state: Option<NodeState>,
-    /// Reason of a fault, if there is one.
-    pub fault: Option<Reason>,
-}
-
-/// Reason of the plant's fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reason {
-    /// A fault with a known code.
-    Code(EmergencyCode),
-    /// A fault without a number in the mapping.
-    Other,
+    /// Code of its fault, if it has one whose number the mapping states.
+    pub fault: Option<EmergencyCode>,
 }
 
 impl Listener {
@@ -74,15 +66,6 @@ impl Listener {
             has_come: false,
             clipped: 0,
         }
-    }
-
-    pub fn id(&self) -> Id {
-        self.message.id
-    }
-
-    /// Returns the index of the drive whose state it may report.
-    pub fn drive(&self) -> usize {
-        self.message.drive
     }
 
     /// Returns whether it reports the state of its drive such that operational differs from the others.
@@ -125,7 +108,7 @@ impl Listener {
         // all.
         self.message.signals.iter().try_for_each(|signal| signal.signal.read(payload).map(drop))?;
         self.clipped = 0;
-        let (mut heard, mut index) = (Heard { ahead: 0, state: None, fault: None }, None);
+        let (mut heard, mut index, mut has_fault) = (Heard { ahead: 0, state: None, fault: None }, None, false);
         for signal in &self.message.signals {
             let Some(got) = signal.signal.read(payload)? else { continue };
             // A number that went through the bus is off by rounding, by half a count at most.
@@ -138,15 +121,15 @@ impl Listener {
                 Source::Value { .. } => {}
                 Source::State(numbers) => heard.state = state(numbers, is),
                 Source::Reason { none, codes, .. } if !is(none) => {
-                    let code = codes.iter().find(|(_, number)| is(number)).map(|(code, _)| Reason::Code(*code));
-                    heard.fault = Some(code.unwrap_or(Reason::Other));
+                    has_fault = true;
+                    heard.fault = codes.iter().find(|(_, number)| is(number)).map(|(code, _)| *code);
                 }
                 Source::Reason { .. } => {}
                 Source::Sample { .. } => index = Some(got as u64),
             }
         }
         // A message may report a fault without a number for the state fault.
-        heard.state = if heard.fault.is_some() { Some(NodeState::Fault) } else { heard.state };
+        heard.state = if has_fault { Some(NodeState::Fault) } else { heard.state };
         heard.ahead = self.ahead(step, index);
         Ok(heard)
     }

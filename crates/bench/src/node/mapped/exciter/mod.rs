@@ -15,7 +15,7 @@ use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use self::listener::{Heard, Listener, Reason};
+use self::listener::{Heard, Listener};
 use self::page::{Ask, Page};
 use self::samples::Samples;
 use super::mapping::{Arming, Lockstep, Mapping};
@@ -91,7 +91,8 @@ pub struct MappedExciter {
     begins_anew: bool,
     /// Whether the plant was on the bus when it was last asked to arm.
     is_asked: bool,
-    reason: Option<Reason>,
+    /// Code of the plant's fault, if its readings state one.
+    reason: Option<EmergencyCode>,
     /// Next time to ask for readings, and the period, ns of the clock.
     sync: Option<(u64, u64)>,
 }
@@ -113,7 +114,7 @@ impl MappedExciter {
         let lockstep = (time_base == TimeBase::Lockstep).then_some(mapping.lockstep);
         let comes_on_sync = lockstep != Some(Lockstep::Sync) && listener::come_on_sync(mapping, &listeners);
         let controller = Carried::new(controller);
-        let channels = controller.needs().iter().map(|needed| needed.place + 1).max().unwrap_or(0);
+        let channels = controller.controller.needs().iter().map(|needed| needed.place + 1).max().unwrap_or(0);
         let exciter = MappedExciter {
             queue: VecDeque::with_capacity(8 * pages.len()),
             counters: vec![0; mapping.incoming.len()],
@@ -158,7 +159,7 @@ impl MappedExciter {
                 return Err(ExciterLack::Disarming { drive: *number });
             }
         }
-        let needs = self.work.controller.needs().into_iter();
+        let needs = self.work.controller.controller.needs().into_iter();
         let is_lacking = |needed: &NeededReading| self.samples.every > 1 || !self.reads(needed.place);
         let needed: Vec<_> = needs.filter(is_lacking).collect();
         if needed.is_empty() { Ok(()) } else { Err(ExciterLack::Readings { needed: names(&needed) }) }
@@ -255,15 +256,6 @@ impl MappedExciter {
         self.work.fault(&mut self.core, emergency);
     }
 
-    /// Enters the plant's fault, with the reason that its readings report.
-    fn fault_of_plant(&mut self) {
-        let code = match self.reason {
-            Some(Reason::Code(code)) => Some(code),
-            Some(Reason::Other) | None => None,
-        };
-        self.fault(self.work.of_plant(code));
-    }
-
     /// Handles a frame of the plant.
     fn take(&mut self, now_ns: u64, place: usize, heard: Heard) {
         let is_first = self.work.hear();
@@ -273,7 +265,7 @@ impl MappedExciter {
         let mut is_closed = false;
         if self.listeners[place].is_of_sample && (heard.ahead > 0 || is_repeated || self.is_first_due) {
             self.samples.join(&mut self.listeners, place, heard.ahead);
-            is_closed = self.samples.closes(place) && self.samples.is_whole;
+            is_closed = place == self.samples.closing && self.samples.is_whole;
         }
         if is_closed && self.expects_unarmed_readings {
             let since_ns = now_ns.saturating_sub(self.whole_at_ns);
@@ -285,7 +277,7 @@ impl MappedExciter {
             }
         }
         if let Some(state) = heard.state {
-            self.watch(now_ns, self.listeners[place].drive(), state);
+            self.watch(now_ns, self.listeners[place].message.drive, state);
         }
         // A plant reports that it is armed after the last sample from before.
         self.is_first |= is_closed && self.says_state() && self.work.phase == Phase::Playing;
@@ -306,7 +298,7 @@ impl MappedExciter {
             (Phase::Arming, NodeState::Operational) if self.drives.iter().all(|drive| drive.is_armed(true)) => {
                 self.begin(now_ns);
             }
-            (Phase::Playing, NodeState::BootUp | NodeState::Fault) => self.fault_of_plant(),
+            (Phase::Playing, NodeState::BootUp | NodeState::Fault) => self.fault(self.work.of_plant(self.reason)),
             (Phase::Playing, NodeState::PreOperational) => self.disarm(now_ns, ExciterOutcome::Stopped),
             (Phase::Disarming(outcome), _) if !self.drives.iter().any(|drive| drive.is_armed(false)) => {
                 self.work.phase = Phase::Done(outcome);
@@ -397,15 +389,6 @@ impl MappedExciter {
     fn says_state(&self) -> bool {
         self.drives.iter().any(|drive| drive.says_state)
     }
-
-    /// Handles an empty queue: a plant that reports no state then counts as disarmed.
-    fn all_is_sent(&mut self) {
-        if let Phase::Disarming(outcome) = self.work.phase
-            && !self.says_state()
-        {
-            self.work.phase = Phase::Done(outcome);
-        }
-    }
 }
 
 impl ExciterInterface for MappedExciter {
@@ -448,7 +431,9 @@ impl ExciterInterface for MappedExciter {
             Load::from_parts(&parts)
         };
         let part = (0..Load::PARTS).find(|place| !page::can_command(&self.pages, &alone(*place)));
-        Err(ExciterLack::Load { part: part.map_or(ChannelName::new("several parts"), |place| LOADS[place].name) })
+        let part = part.map_or(ChannelName::new("several parts"), |place| LOADS[place].name);
+        let limit = "signal of [[wire.commands]] can command: map it there, or change the excitation";
+        Err(ExciterLack::Load { part, limit })
     }
 
     fn remarks(&self) -> Vec<ExciterRemark> {
@@ -470,12 +455,12 @@ impl ExciterInterface for MappedExciter {
             return;
         }
         let id = frame.id();
-        if let Some(place) = self.listeners.iter().position(|listener| listener.id() == id) {
+        if let Some(place) = self.listeners.iter().position(|listener| listener.message.id == id) {
             match self.listeners[place].hear(frame, &mut self.samples.readings) {
                 Ok(heard) => self.take(now_ns, place, heard),
                 Err(check) => self.core.reject(FrameFault::Mapped { id, check }),
             }
-        } else if self.pages.iter().any(|page| page.is_of(id) && (page.is_command() || page.asks(Ask::Arm))) {
+        } else if self.pages.iter().any(|page| page.id == id && (page.is_command() || page.asks(Ask::Arm))) {
             self.meet_second_sender(id);
         }
     }
@@ -508,7 +493,7 @@ impl ExciterInterface for MappedExciter {
         (self.begins_anew, self.reason) = (true, None);
         self.drives.iter_mut().for_each(|drive| drive.state = None);
         self.listeners.iter_mut().for_each(Listener::forget);
-        self.samples.restart();
+        (self.samples.ahead, self.samples.is_whole) = (0, false);
         self.clear();
         true
     }
@@ -552,8 +537,11 @@ impl ExciterInterface for MappedExciter {
             self.counters[page.message] = page.after(self.counters[page.message]);
         }
         self.core.frame_sent(!self.queue.is_empty());
-        if self.queue.is_empty() {
-            self.all_is_sent();
+        if let Phase::Disarming(outcome) = self.work.phase
+            && self.queue.is_empty()
+            && !self.says_state()
+        {
+            self.work.phase = Phase::Done(outcome);
         }
     }
 }
@@ -564,7 +552,7 @@ fn drives(mapping: &Mapping, listeners: &[Listener]) -> Vec<Drive> {
     for message in mapping.incoming.iter().filter(|message| !message.commands.is_empty()) {
         let number = message.drive;
         if drives.iter().all(|drive| drive.number != number) {
-            let says_state = listeners.iter().any(|listener| listener.drive() == number && listener.says_state());
+            let says_state = listeners.iter().any(|listener| listener.message.drive == number && listener.says_state());
             drives.push(Drive { number, says_state, state: None });
         }
     }

@@ -58,7 +58,8 @@ struct Asking {
 pub(super) struct Page {
     /// Index of its message in the mapping.
     pub message: usize,
-    id: Id,
+    /// Identifier of that message.
+    pub id: Id,
     format: FrameFormat,
     /// Payload with the switches set, zero elsewhere.
     template: Vec<u8>,
@@ -90,11 +91,6 @@ impl Page {
             is_condition: false,
             is_sync: false,
         }
-    }
-
-    /// Returns whether it belongs to the message with this identifier.
-    pub fn is_of(&self, id: Id) -> bool {
-        self.id == id
     }
 
     /// Returns whether it commands a load.

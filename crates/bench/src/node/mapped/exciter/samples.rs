@@ -14,7 +14,7 @@ pub(super) struct Samples {
     /// Number of readings beyond those of head, B and C that the controller is given.
     more: usize,
     /// Index of the message that completes a sample; the next field is that of the message that counts them.
-    closing: usize,
+    pub closing: usize,
     pub counting: usize,
     /// Number of samples since the last answered one.
     pub ahead: u64,
@@ -56,16 +56,6 @@ impl Samples {
             acceleration_c_m_s2: pair(4),
             more: Readings::new(values, clipped).unwrap_or_default(),
         }
-    }
-
-    /// Forgets the samples received so far.
-    pub fn restart(&mut self) {
-        (self.ahead, self.is_whole) = (0, false);
-    }
-
-    /// Returns whether the message at this index completes a sample.
-    pub fn closes(&self, place: usize) -> bool {
-        place == self.closing
     }
 
     /// Adds a part of a sample, `ahead` samples after the one before.

@@ -268,7 +268,7 @@ fn lost_readings_are_counted_and_the_index_goes_on() {
     let mut pair = Pair::new(100);
     pair.damage = |number, frame| (!(10..12).contains(&number)).then_some(frame);
     assert_eq!(counts(&pair.ticks(14)[7..]), [7, 8, 8, 8, 11, 12, 13]);
-    assert_eq!((pair.exciter.missed_samples(), pair.exciter.samples_played()), (2, 13));
+    assert_eq!((pair.exciter.work().missed_samples(), pair.exciter.samples_played()), (2, 13));
 }
 
 #[test]
