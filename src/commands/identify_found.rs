@@ -167,7 +167,7 @@ impl Found {
     /// Warns if there is no mode.
     pub fn warn_of_none(&self) {
         if self.modes.is_empty() {
-            tracing::warn!("{}", IdentifyError::NoResonance { from_hz: self.from_hz, to_hz: self.to_hz });
+            tracing::warn!("{}", IdentifyError::NoResonance(Band { from_hz: self.from_hz, to_hz: self.to_hz }));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use alloc::string::String;
 
-use resonarm_modal::ModalError;
+use resonarm_modal::{Band, ModalError};
 use thiserror::Error;
 
 use resonarm_numeric::number::{rounded, short};
@@ -12,12 +12,10 @@ use resonarm_numeric::number::{rounded, short};
 #[non_exhaustive]
 pub enum IdentifyError {
     /// The band is not within that of the record.
-    #[error("the band is from {from_hz} to {to_hz} Hz: it must rise, from above 0 to below half the sample rate, {rate_hz} Hz", from_hz = short(.from_hz), to_hz = short(.to_hz), rate_hz = short(.rate_hz))]
+    #[error("the band is from {} to {} Hz: it must rise, from above 0 to below half the sample rate, {} Hz", short(&.band.from_hz), short(&.band.to_hz), short(.rate_hz))]
     Band {
-        /// Lowest frequency of the band, Hz.
-        from_hz: f64,
-        /// Highest frequency of the band, Hz.
-        to_hz: f64,
+        /// Band that was given.
+        band: Band,
         /// The sample rate, Hz.
         rate_hz: f64,
     },
@@ -37,13 +35,8 @@ pub enum IdentifyError {
         noise_n: f64,
     },
     /// The force has no energy in the band.
-    #[error("the force has no energy from {from_hz} to {to_hz} Hz: drive the structure there, or name the band that was driven", from_hz = short(.from_hz), to_hz = short(.to_hz))]
-    NoEnergy {
-        /// Lowest frequency of the band, Hz.
-        from_hz: f64,
-        /// Highest frequency of the band, Hz.
-        to_hz: f64,
-    },
+    #[error("the force has no energy from {} to {} Hz: drive the structure there, or name the band that was driven", short(&.0.from_hz), short(&.0.to_hz))]
+    NoEnergy(Band),
     /// No accelerometer reads the motion of the structure.
     #[error("no accelerometer reads an acceleration of the structure: place one at a point that moves")]
     NoResponse,
@@ -71,13 +64,8 @@ pub enum IdentifyError {
     #[error(transparent)]
     Modal(#[from] ModalError),
     /// There is no resonance.
-    #[error("there is no resonance from {from_hz} to {to_hz} Hz: widen the band, or record for longer", from_hz = short(.from_hz), to_hz = short(.to_hz))]
-    NoResonance {
-        /// Lowest frequency of the band, Hz.
-        from_hz: f64,
-        /// Highest frequency of the band, Hz.
-        to_hz: f64,
-    },
+    #[error("there is no resonance from {} to {} Hz: widen the band, or record for longer", short(&.0.from_hz), short(&.0.to_hz))]
+    NoResonance(Band),
     /// Some readings are beyond the range of their sensor.
     #[error(
         "{samples} samples have a reading beyond the range of its sensor: reduce the force, or increase the sensor's range"

@@ -52,7 +52,7 @@ pub fn frequency_response(
 ) -> Result<FrequencyResponseEstimate, IdentifyError> {
     record.check(band)?;
     let samples = record.samples();
-    let [begin, end] = record.forced();
+    let [begin, end] = record.forced;
     let (start, segments) = match averaging {
         Averaging::Single => (0, Segments::rectangular(samples)),
         Averaging::Welch(length) => {
@@ -75,7 +75,7 @@ pub fn frequency_response(
     }
     let is_kept = |n: usize| averaging != Averaging::Single || (begin..end).contains(&n);
     let keep = |(n, force): (usize, &f64)| if is_kept(n) { *force } else { 0.0 };
-    let force_n: Vec<f64> = record.force_n().iter().enumerate().map(keep).collect();
+    let force_n: Vec<f64> = record.force_n.iter().enumerate().map(keep).collect();
     let outputs: Vec<&[f64]> = record.responses().iter().map(|response| &response.acceleration_m_s2[start..]).collect();
     let signals = [Signals { inputs: &[&force_n[start..]], outputs: &outputs }];
     let spectra = CrossSpectra::estimate(record.rate_hz(), &signals, &segments).map_err(|error| match error {
@@ -84,7 +84,7 @@ pub fn frequency_response(
     })?;
     let force = &spectra.between_inputs[0][0];
     if lines.clone().all(|line| force[line].re <= 0.0) {
-        return Err(IdentifyError::NoEnergy { from_hz: band.from_hz, to_hz: band.to_hz });
+        return Err(IdentifyError::NoEnergy(band));
     }
     let of_outputs = |value: &dyn Fn(usize, usize) -> Complex<f64>| -> Vec<Vec<Complex<f64>>> {
         (0..outputs.len()).map(|output| lines.clone().map(|line| value(output, line)).collect()).collect()

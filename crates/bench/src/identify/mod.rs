@@ -24,8 +24,8 @@ pub use modes::{
     compare_levels, modes, modes_of_responses,
 };
 pub use places::{ReadingPlace, RigPlaces};
-pub use record::{Band, Direction, Record, RecordedResponse};
-pub use resonarm_modal::{ModeShift, Quantity};
+pub use record::{Direction, Record, RecordedResponse};
+pub use resonarm_modal::{Band, ModeShift, Quantity};
 pub use words::Remark;
 
 #[cfg(test)]

@@ -108,7 +108,7 @@ pub struct ResidualTerm {
 }
 
 /// The modes that were identified in one recording or several.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Identification {
     /// Modes in the order of their frequencies.
     pub modes: Vec<IdentifiedMode>,
@@ -170,12 +170,6 @@ struct Samples {
     noise: Option<f64>,
 }
 
-impl Samples {
-    fn channel(&self) -> Channel<'_> {
-        Channel { dof: self.dof, samples: &self.values, noise: self.noise }
-    }
-}
-
 /// Identifies the modes in records of one structure. Records of several runs share the poles; forces and accelerometers may be
 /// at other places in each. The band without modes is a result, not an error.
 ///
@@ -183,7 +177,7 @@ impl Samples {
 /// [`IdentifyError`] if the band is not in the records, a force has no energy in it, or the readings don't allow a fit.
 pub fn modes(records: &[&Record], band: Band) -> Result<Identification, IdentifyError> {
     records.iter().try_for_each(|record| record.check(band))?;
-    let mut found = Identification::empty();
+    let mut found = Identification::default();
     let mut samples: Vec<Vec<Samples>> = Vec::new();
     for (index, record) in records.iter().enumerate() {
         samples.push(found.add(index, record)?);
@@ -196,15 +190,17 @@ pub fn modes(records: &[&Record], band: Band) -> Result<Identification, Identify
             rate_hz: record.rate_hz(),
             references: [Channel {
                 dof: run.responses[0].0,
-                samples: record.force_n(),
-                noise: record.known_force_noise_n(),
+                samples: &record.force_n,
+                noise: record.known_force_noise_n,
             }]
             .into(),
-            responses: samples.iter().map(Samples::channel).collect(),
+            responses: samples
+                .iter()
+                .map(|own| Channel { dof: own.dof, samples: &own.values, noise: own.noise })
+                .collect(),
         })
         .collect();
-    let options =
-        Options { floor: floor(records), ..Options::new(modal::Band { from_hz: band.from_hz, to_hz: band.to_hz }) };
+    let options = Options { floor: floor(records), ..Options::new(band) };
     found.take(modal::identify_records(&given, &options))
 }
 
@@ -229,7 +225,7 @@ pub fn modes_of_responses(
     quantity: Quantity,
     band: Band,
 ) -> Result<Identification, IdentifyError> {
-    let mut found = Identification::empty();
+    let mut found = Identification::default();
     let mut run = Run { responses: Vec::new(), channels: Vec::new() };
     let mut given: Vec<ResponseFunction<'_>> = Vec::new();
     for function in functions {
@@ -244,14 +240,14 @@ pub fn modes_of_responses(
         given.push(ResponseFunction { reference: force, response, values: function.values });
     }
     found.runs.push(run);
-    let options = Options { quantity, ..Options::new(modal::Band { from_hz: band.from_hz, to_hz: band.to_hz }) };
+    let options = Options { quantity, ..Options::new(band) };
     found.take(modal::identify_responses(frequency_hz, &given, &options))
 }
 
 /// Systematic errors of the readings. An image at fs − f passes a converter of order N by its share to the power N, and a held
 /// force has it by its share.
 fn floor(records: &[&Record]) -> Floor {
-    let order = |record: &Record| match record.converter() {
+    let order = |record: &Record| match record.converter {
         // Images of an instantaneous reading are not bounded by this; the caller warns of them.
         Converter::Instant | Converter::Unknown => None,
         converter => Some(converter.order() as u8 + 1),
@@ -262,20 +258,6 @@ fn floor(records: &[&Record]) -> Floor {
 }
 
 impl Identification {
-    fn empty() -> Identification {
-        Identification {
-            modes: Vec::new(),
-            at: Vec::new(),
-            forces: Vec::new(),
-            noise: Vec::new(),
-            residual_terms: Vec::new(),
-            estimate: None,
-            runs: Vec::new(),
-            names: Names::default(),
-            pairs: Vec::new(),
-        }
-    }
-
     /// Completes the identification with an estimate. That there is no mode is a result.
     fn take(mut self, estimate: Result<modal::Identification, ModalError>) -> Result<Identification, IdentifyError> {
         self.estimate = match estimate {
@@ -292,7 +274,7 @@ impl Identification {
     /// Numbers the degrees of freedom of a record, and returns the samples of its channels.
     fn add(&mut self, index: usize, record: &Record) -> Result<Vec<Samples>, IdentifyError> {
         let [x, y] = record.direction();
-        let (force, pair) = match (record.exciter(), [x == 0.0, y == 0.0]) {
+        let (force, pair) = match (&record.exciter, [x == 0.0, y == 0.0]) {
             ([Some(at), _], [_, true]) | ([_, Some(at)], [true, _]) => (self.names.number(at), None),
             ([Some(along_x), Some(along_y)], _) => {
                 let pair = self.pair([along_x, along_y], [x, y]).ok_or(IdentifyError::OtherDirection { run: index })?;
@@ -448,11 +430,7 @@ impl Identification {
         if let Some(component) = self.names.find(at).and_then(of) {
             return Some([component.value, component.deviation]);
         }
-        let (pair, axis) = self.pairs.iter().find_map(|pair| {
-            let axis = pair.axes.iter().position(|axis| axis == at)?;
-            Some((pair, axis))
-        })?;
-        let [p, q] = pair.factors(axis);
+        let (pair, [p, q]) = self.oblique(at)?;
         let [along, across] = [of(pair.numbers[0])?, of(pair.numbers[1])?];
         // The covariance is known if the force of this point is the driving one.
         let common =
@@ -468,6 +446,11 @@ impl Identification {
         ])
     }
 
+    /// Returns the pair of axes of which one has this name, with the factors of the components along and across for it.
+    fn oblique(&self, at: &str) -> Option<(&Pair, [f64; 2])> {
+        self.pairs.iter().find_map(|pair| Some((pair, pair.factors(pair.axes.iter().position(|axis| axis == at)?))))
+    }
+
     /// Returns a component of a shape without a scale, from the residues to the first run's force.
     fn unscaled(&self, mode: &modal::Mode, at: &str) -> Option<Complex<f64>> {
         let (force, _) = self.runs.first()?.responses.first()?;
@@ -478,11 +461,7 @@ impl Identification {
         if let Some(value) = self.names.find(at).and_then(of) {
             return Some(value);
         }
-        let (pair, axis) = self.pairs.iter().find_map(|pair| {
-            let axis = pair.axes.iter().position(|axis| axis == at)?;
-            Some((pair, axis))
-        })?;
-        let [p, q] = pair.factors(axis);
+        let (pair, [p, q]) = self.oblique(at)?;
         Some(of(pair.numbers[0])? * p + of(pair.numbers[1])? * q)
     }
 

@@ -6,8 +6,8 @@ use alloc::vec::Vec;
 
 use nalgebra::Complex;
 
-use super::IdentifyError;
 use super::places::RigPlaces;
+use super::{Band, IdentifyError};
 use crate::rig::{Conditioner, Converter, RigSpec};
 use crate::structure::Axis;
 use resonarm_numeric::dft;
@@ -31,15 +31,6 @@ pub enum Direction {
     Y,
 }
 
-/// A band of frequencies, Hz.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Band {
-    /// Lowest frequency of the band, positive.
-    pub from_hz: f64,
-    /// Highest frequency, above the lowest and below half the sample rate.
-    pub to_hz: f64,
-}
-
 /// Accelerations along one degree of freedom.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedResponse {
@@ -61,16 +52,18 @@ pub struct RecordedResponse {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     rate_hz: f64,
-    converter: Converter,
-    force_n: Vec<f64>,
+    pub(super) converter: Converter,
+    /// Force along its direction, N.
+    pub(super) force_n: Vec<f64>,
     direction: [f64; 2],
-    exciter: [Option<String>; 2],
+    /// Degrees of freedom along the exciter's x and y.
+    pub(super) exciter: [Option<String>; 2],
     responses: Vec<RecordedResponse>,
-    /// Standard deviation of the force's noise, and whether it can be compared with an estimate.
+    /// Standard deviation of the force's noise, N; in the next field, if an estimate can be compared with it.
     force_noise_n: f64,
-    force_noise_is_white: bool,
+    pub(super) known_force_noise_n: Option<f64>,
     /// First sample with a force, and the first after the last one.
-    forced: [usize; 2],
+    pub(super) forced: [usize; 2],
 }
 
 impl Record {
@@ -160,7 +153,7 @@ impl Record {
             exciter: places.exciter.clone(),
             responses,
             force_noise_n,
-            force_noise_is_white: is_white,
+            known_force_noise_n: (is_white && force_noise_n > 0.0).then_some(force_noise_n),
             forced,
         })
     }
@@ -185,30 +178,6 @@ impl Record {
         &self.responses
     }
 
-    pub(super) fn converter(&self) -> Converter {
-        self.converter
-    }
-
-    /// Returns the degrees of freedom along the exciter's x and y.
-    pub(super) fn exciter(&self) -> &[Option<String>; 2] {
-        &self.exciter
-    }
-
-    /// Returns the force along its direction, N.
-    pub(super) fn force_n(&self) -> &[f64] {
-        &self.force_n
-    }
-
-    /// Returns the known standard deviation of the force's noise, N, if an estimate can be compared with it.
-    pub(super) fn known_force_noise_n(&self) -> Option<f64> {
-        (self.force_noise_is_white && self.force_noise_n > 0.0).then_some(self.force_noise_n)
-    }
-
-    /// Returns the first sample with a force, and the first after the last one.
-    pub(super) fn forced(&self) -> [usize; 2] {
-        self.forced
-    }
-
     /// Checks that a band is valid for this record, and that the force was more than noise in it, over the samples with a force:
     /// its mean power there exceeds four times that of the noise, and a thousandth of that at all frequencies, since an abrupt
     /// end leaks.
@@ -218,7 +187,7 @@ impl Record {
     pub fn check(&self, band: Band) -> Result<(), IdentifyError> {
         let Band { from_hz, to_hz } = band;
         if !(from_hz > 0.0 && from_hz < to_hz && to_hz < 0.5 * self.rate_hz) {
-            return Err(IdentifyError::Band { from_hz, to_hz, rate_hz: self.rate_hz });
+            return Err(IdentifyError::Band { band, rate_hz: self.rate_hz });
         }
         let [start, end] = self.forced;
         // A short pulse has few lines, so at least 256 are computed.
@@ -234,7 +203,7 @@ impl Record {
         if power > 4.0 * noise && power > 1e-3 * total {
             return Ok(());
         }
-        Err(IdentifyError::NoEnergy { from_hz, to_hz })
+        Err(IdentifyError::NoEnergy(band))
     }
 
     /// Returns the share of the head's noise in the power of the force over the half-power bandwidth of a mode, or at the line

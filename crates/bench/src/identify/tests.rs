@@ -237,7 +237,7 @@ fn says_why_a_record_can_t_be_identified() {
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 200.0, to_hz: 300.0 }), @"the force has no energy from 200 to 300 Hz: drive the structure there, or name the band that was driven");
     // Peaks of the random force are no modes.
     assert_eq!(identified(&record, Band { from_hz: 30.0, to_hz: 36.0 }), []);
-    let none = IdentifyError::NoResonance { from_hz: 30.0, to_hz: 36.0 };
+    let none = IdentifyError::NoResonance(Band { from_hz: 30.0, to_hz: 36.0 });
     insta::assert_snapshot!(none, @"there is no resonance from 30 to 36 Hz: widen the band, or record for longer");
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 30.0, to_hz: 600.0 }), @"the band is from 30 to 600 Hz: it must rise, from above 0 to below half the sample rate, 1000 Hz");
     insta::assert_snapshot!(error(Ok(record.clone()), Band { from_hz: 22.0, to_hz: 22.5 }), @"the band has 6 lines, but at least 8 are needed: record for longer, or widen the band");
