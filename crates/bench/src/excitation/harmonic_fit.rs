@@ -78,12 +78,8 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
         let mut all = [[Phasor::new(0.0, 0.0); ORDERS]; N];
         for (channel, (harmonics, moment)) in all.iter_mut().zip(&self.moments).enumerate() {
             let x = self.normal(channel).cholesky()?.solve(moment);
-            *harmonics = core::array::from_fn(|index| phasor(&x, index + 1));
+            *harmonics = core::array::from_fn(|index| Phasor::new(x[2 * index + 1], x[2 * index + 2]));
         }
         Some(all)
     }
-}
-
-fn phasor<const P: usize>(x: &SVector<f64, P>, order: usize) -> Phasor {
-    Phasor::new(x[2 * order - 1], x[2 * order])
 }

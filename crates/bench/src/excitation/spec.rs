@@ -133,20 +133,22 @@ pub enum ExcitationError {
     },
 }
 
+/// Checks a number, whose key is `name`.
+pub(super) fn check(
+    name: &'static str,
+    got: f64,
+    is_valid: bool,
+    expected: &'static str,
+) -> Result<(), ExcitationError> {
+    if is_valid { Ok(()) } else { Err(ExcitationError::Value { name, got, expected }) }
+}
+
 pub(super) fn positive(name: &'static str, got: f64) -> Result<(), ExcitationError> {
-    if got.is_finite() && got > 0.0 {
-        Ok(())
-    } else {
-        Err(ExcitationError::Value { name, got, expected: "a positive number" })
-    }
+    check(name, got, got.is_finite() && got > 0.0, "a positive number")
 }
 
 pub(super) fn not_negative(name: &'static str, got: f64) -> Result<(), ExcitationError> {
-    if got.is_finite() && got >= 0.0 {
-        Ok(())
-    } else {
-        Err(ExcitationError::Value { name, got, expected: "zero or a positive number" })
-    }
+    check(name, got, got.is_finite() && got >= 0.0, "zero or a positive number")
 }
 
 impl ExcitationSpec {
@@ -166,9 +168,7 @@ impl ExcitationSpec {
 /// Checks a peak load: it is finite and not 0, and of one kind.
 pub(crate) fn check_amplitude(amplitude: &Load) -> Result<(), ExcitationError> {
     for (name, got) in Load::NAMES.into_iter().zip(amplitude.parts()) {
-        if !got.is_finite() {
-            return Err(ExcitationError::Value { name, got, expected: "a number" });
-        }
+        check(name, got, got.is_finite(), "a number")?;
     }
     match (amplitude.has_force(), amplitude.has_torque()) {
         (true, true) => Err(ExcitationError::Amplitude(

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::spec::{not_negative, positive};
+use super::spec::{check, not_negative, positive};
 use super::{ExcitationError, LoadFile, Spectrum};
 
 /// Largest number of frequencies of a stepped sine, since each is stored.
@@ -209,13 +209,10 @@ impl Waveform {
             }
             Waveform::Impulse { pulse_s, duration_s } => {
                 positive("pulse_s", pulse_s)?;
-                if duration_s.is_finite() && duration_s >= pulse_s {
-                    // A half sine of length τ is half a period of 1/(2τ), which must be below half the sample
-                    // rate.
-                    Ok(0.5 / pulse_s)
-                } else {
-                    Err(ExcitationError::Value { name: "duration_s", got: duration_s, expected: "at least `pulse_s`" })
-                }
+                let is_valid = duration_s.is_finite() && duration_s >= pulse_s;
+                check("duration_s", duration_s, is_valid, "at least `pulse_s`")?;
+                // A half sine of length τ is half a period of 1/(2τ), which must be below half the sample rate.
+                Ok(0.5 / pulse_s)
             }
             Waveform::Random { from_hz, to_hz, duration_s, ref spectrum, .. } => {
                 positive("duration_s", duration_s)?;
@@ -223,13 +220,7 @@ impl Waveform {
             }
             Waveform::BurstRandom { from_hz, to_hz, burst_s, period_s, periods, ref spectrum, .. } => {
                 positive("burst_s", burst_s)?;
-                if !(period_s.is_finite() && period_s >= burst_s) {
-                    return Err(ExcitationError::Value {
-                        name: "period_s",
-                        got: period_s,
-                        expected: "at least `burst_s`",
-                    });
-                }
+                check("period_s", period_s, period_s.is_finite() && period_s >= burst_s, "at least `burst_s`")?;
                 check_periods(periods)?;
                 shaped_band(from_hz, to_hz, spectrum.as_ref())
             }
@@ -247,9 +238,7 @@ impl Waveform {
 fn band(from_hz: f64, to_hz: f64) -> Result<f64, ExcitationError> {
     positive("from_hz", from_hz)?;
     positive("to_hz", to_hz)?;
-    if to_hz < from_hz {
-        return Err(ExcitationError::Value { name: "to_hz", got: to_hz, expected: "at least `from_hz`" });
-    }
+    check("to_hz", to_hz, to_hz >= from_hz, "at least `from_hz`")?;
     Ok(to_hz)
 }
 
@@ -261,15 +250,9 @@ fn shaped_band(from_hz: f64, to_hz: f64, spectrum: Option<&Spectrum>) -> Result<
 }
 
 fn check_steps(name: &'static str, got: f64) -> Result<(), ExcitationError> {
-    if (1.0..=MOST_STEPS).contains(&got) {
-        return Ok(());
-    }
-    Err(ExcitationError::Value { name, got, expected: "from 1 to 100000" })
+    check(name, got, (1.0..=MOST_STEPS).contains(&got), "from 1 to 100000")
 }
 
 fn check_periods(periods: u32) -> Result<(), ExcitationError> {
-    if (1..=MOST_PERIODS).contains(&periods) {
-        return Ok(());
-    }
-    Err(ExcitationError::Value { name: "periods", got: f64::from(periods), expected: "from 1 to 1000000" })
+    check("periods", f64::from(periods), (1..=MOST_PERIODS).contains(&periods), "from 1 to 1000000")
 }

@@ -329,15 +329,13 @@ const fn reading(clip_bit: u32, name: &str, vector: &str, point: Point, axis: Ax
     Channel { name, vector, kind: Kind::Reading { clip_bit }, quantity, point, axis }
 }
 
+const fn internal(name: &str, quantity: Quantity, point: Point) -> Channel {
+    let name = ChannelName::new(name);
+    Channel { name, vector: name, kind: Kind::Internal, quantity, point, axis: Axis::Scalar }
+}
+
 /// The current in the coil of a shaker.
-pub const COIL_CURRENT: Channel = Channel {
-    name: ChannelName::new("coil_current_a"),
-    vector: ChannelName::new("coil_current_a"),
-    kind: Kind::Internal,
-    quantity: Quantity::Current,
-    point: Point::TipC,
-    axis: Axis::Scalar,
-};
+pub const COIL_CURRENT: Channel = internal("coil_current_a", Quantity::Current, Point::TipC);
 
 /// States and loads of the arm in the order of files and tables. The last is only in plants whose shaker has a coil.
 pub const STATES: [Channel; 9] = [
@@ -595,7 +593,7 @@ impl Coordinates {
 
 /// The channels of `count` coordinates and their rates, at most [`Coordinates::most`].
 pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
-    let rows: [(&[&'static str], &'static str, Quantity); 2] = match of {
+    let rows: [(&'static [&'static str], &'static str, Quantity); 2] = match of {
         Coordinates::Joints => {
             [(&ALPHA, "alpha_rad", Quantity::Angle), (&ALPHA_DOT, "alpha_dot_rad_s", Quantity::AngularVelocity)]
         }
@@ -607,25 +605,18 @@ pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
             [(&DISPLACEMENT, "x_m", Quantity::Displacement), (&DISPLACEMENT_DOT, "x_dot_m_s", Quantity::Velocity)]
         }
     };
-    let channel = |name: &'static str, number: u8, vector, quantity| match of {
-        Coordinates::Joints => state(
-            name,
-            vector,
-            quantity,
-            [Point::Joint1, Point::Joint2B].get(usize::from(number) - 1).copied().unwrap_or(Point::Joint(number)),
-        ),
-        Coordinates::Modes => Channel { axis: Axis::Scalar, ..state(name, vector, quantity, Point::Mode(number)) },
-        Coordinates::Displacements => {
-            Channel { axis: Axis::Scalar, ..state(name, vector, quantity, Point::Coordinate(number)) }
-        }
+    let place = |number: u8| match (of, number) {
+        (Coordinates::Joints, 1) => (Point::Joint1, Axis::AboutZ),
+        (Coordinates::Joints, 2) => (Point::Joint2B, Axis::AboutZ),
+        (Coordinates::Joints, _) => (Point::Joint(number), Axis::AboutZ),
+        (Coordinates::Modes, _) => (Point::Mode(number), Axis::Scalar),
+        (Coordinates::Displacements, _) => (Point::Coordinate(number), Axis::Scalar),
     };
-    let row = |(names, vector, quantity): (&[&'static str], _, _)| {
-        names
-            .iter()
-            .take(count)
-            .zip(1..)
-            .map(|(name, number)| channel(name, number, vector, quantity))
-            .collect::<Vec<_>>()
+    let row = |(names, vector, quantity): (&'static [&'static str], _, _)| {
+        names.iter().take(count).zip(1..).map(move |(name, number)| {
+            let (point, axis) = place(number);
+            Channel { axis, ..state(name, vector, quantity, point) }
+        })
     };
     rows.into_iter().flat_map(row).collect()
 }
@@ -634,17 +625,12 @@ pub fn coordinate_channels(of: Coordinates, count: usize) -> Vec<Channel> {
 pub fn element_channel(index: usize, is_at_joint: bool) -> Option<Channel> {
     let (names, quantity): (&[&'static str], _) =
         if is_at_joint { (&ELEMENT_RAD, Quantity::Angle) } else { (&ELEMENT_M, Quantity::Length) };
-    Some(of_element(names.get(index)?, index, quantity))
+    Some(internal(names.get(index)?, quantity, Point::Element(index as u8 + 1)))
 }
 
 /// The channel of the branch that element `index`, from 0, is on; `None` beyond the table.
 pub fn branch_channel(index: usize) -> Option<Channel> {
-    Some(of_element(ELEMENT_BRANCH.get(index)?, index, Quantity::Branch))
-}
-
-const fn of_element(name: &str, index: usize, quantity: Quantity) -> Channel {
-    let (name, point) = (ChannelName::new(name), Point::Element(index as u8 + 1));
-    Channel { name, vector: name, kind: Kind::Internal, quantity, point, axis: Axis::Scalar }
+    Some(internal(ELEMENT_BRANCH.get(index)?, Quantity::Branch, Point::Element(index as u8 + 1)))
 }
 
 /// Every channel of states and loads that a recording can have, in the order of files and tables: coordinates, rates,

@@ -45,15 +45,13 @@ pub fn named_readings(
     for ((name, sensor), number) in sensors.iter().zip(1..) {
         let at = sensor.at.as_ref().map_or("", PlaceName::as_str);
         let place = |wanted: &str| dofs.iter().position(|dof| *dof == wanted);
+        let alone = |axis| place(at).map(|dof| (axis, dof)).into_iter().collect();
         let along: Vec<(Axis, usize)> = match at.rsplit_once('.') {
             // An angle is that of a joint, and no joint has an axis in its name.
             Some(_) if sensor.measures == Measured::Angle => Vec::new(),
-            None if sensor.measures == Measured::Angle => {
-                place(at).map(|dof| (Axis::AboutZ, dof)).into_iter().collect()
-            }
+            None if sensor.measures == Measured::Angle => alone(Axis::AboutZ),
             Some((_, along)) => {
-                let axis = AXES.into_iter().find(|(_, name)| *name == along).map_or(Axis::Scalar, |(axis, _)| axis);
-                place(at).map(|dof| (axis, dof)).into_iter().collect()
+                alone(AXES.into_iter().find(|(_, name)| *name == along).map_or(Axis::Scalar, |(axis, _)| axis))
             }
             None => AXES.into_iter().filter_map(|(axis, name)| Some((axis, place(&format!("{at}.{name}"))?))).collect(),
         };
