@@ -309,6 +309,8 @@ impl Context<'_> {
         if self.base.level.is_none() {
             Err(NO_LEVEL)
         } else if own < 0.2 * base || own == 0.0 {
+            // Both runs are the same up to the stimulus but for the controller's own scatter, so that a drive that is this
+            // much weaker is that of a test which has ended, or never began.
             Err("the drive had ended before the stimulus, so it never acted")
         } else {
             Ok(())

@@ -212,6 +212,7 @@ pub(crate) fn level(test: &RandomTest, record: &Record) -> Option<Range<usize>> 
     let running = running_rms(&record.reading, window);
     let first = running.iter().position(is_full)?;
     let last = running.iter().rposition(is_full)?;
+    // A controller that rushes through the full level, as on its way to a higher one, has not held it.
     if running.iter().filter(|rms| is_full(rms)).count() < record.samples(1.0) {
         return None;
     }
@@ -253,6 +254,7 @@ fn judged(context: &Context<'_>, record: &Record, range: Range<usize>) -> Result
 fn segment(test: &RandomTest, rate_hz: f64) -> (usize, [usize; 2]) {
     let length = libm::round(rate_hz / test.lines_hz) as usize;
     let [first, last] = test.profile.band_hz().map(|hz| hz / test.lines_hz);
+    // Two lines at each edge are left out, as in the verdict: the window mixes them with what lies beyond the edge.
     (length, [libm::ceil(first) as usize + 2, (libm::floor(last) as usize).saturating_sub(2)])
 }
 
@@ -311,6 +313,8 @@ fn gaussian(context: &Context<'_>) -> Judged {
 fn new_phases(context: &Context<'_>) -> Judged {
     let (test, level) = at_level(context)?;
     let (length, lines) = segment(test, context.record.rate_hz);
+    // The statistic of the variance takes segments that share no sample. Repetitions are searched for at half the
+    // distance, so that frames of any position are met.
     let apart = Segments::new(&context.record.reading[level.clone()], length, length, lines);
     let overlapping = Segments::new(&context.record.drive[level], length, length / 2, lines);
     if apart.count() < 10 {

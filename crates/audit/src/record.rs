@@ -54,6 +54,7 @@ impl Record {
 
     /// Returns the sample after the last one with a drive.
     pub fn drive_end(&self) -> usize {
+        // The last drive counts and not the first silence: a drive may pass through zero.
         self.drive.iter().rposition(|drive| *drive != 0.0).map_or(0, |last| last + 1)
     }
 }

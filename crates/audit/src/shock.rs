@@ -57,6 +57,7 @@ fn found<'a>(context: &Context<'a>) -> Result<(&'a ShockTest, &'a ShockVerdict),
 
 /// Returns the largest of a figure over the shots at full level; none if there is no such shot, or one without the figure.
 fn largest(found: &ShockVerdict, figure: impl Fn(&Shot) -> Option<f64>) -> Option<f64> {
+    // Without a shot the largest figure would be 0, and every limit kept.
     let mut full = found.shots.iter().filter(|shot| shot.is_full).peekable();
     full.peek()?;
     full.try_fold(0.0_f64, |largest, shot| Some(largest.max(figure(shot)?.abs())))

@@ -80,6 +80,7 @@ impl Segments {
             };
             (0..lines).map(size).sum::<f64>() / lines as f64 * libm::sqrt(pairs) / RAYLEIGH
         };
+        // Up to half of the segments, so that the mean at a distance d is over at least d pairs.
         (1..most.min(turns.len() / 2)).map(of_distance).fold(0.0, f64::max)
     }
 }

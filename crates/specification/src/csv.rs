@@ -54,6 +54,7 @@ struct Table<'a> {
 
 /// Returns the lines of a table with their numbers, without empty ones and comments.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    // Spreadsheets begin a file with a byte order mark, which is no part of its first number.
     let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines().map(str::trim));
     lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'))
 }

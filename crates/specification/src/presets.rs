@@ -10,6 +10,7 @@ pub struct Preset {
     pub text: &'static str,
 }
 
+// A macro, since `include_str!` takes literals only.
 macro_rules! presets {
     ($($name:literal),* $(,)?) => {
         [$(Preset { name: $name, text: include_str!(concat!("presets/", $name, ".toml")) }),*]

@@ -132,6 +132,7 @@ impl Profile {
             return None;
         }
         let above = self.points.iter().position(|[point_hz, _]| *point_hz >= hz).unwrap_or(self.points.len() - 1);
+        // The first point ends no segment, so that the first segment holds there.
         let [[f1, p1], [f2, p2]] = [self.points[above.max(1) - 1], self.points[above.max(1)]];
         Some(p1 * libm::pow(hz / f1, libm::log(p2 / p1) / libm::log(f2 / f1)))
     }

@@ -62,6 +62,7 @@ impl Schedule {
     pub(crate) fn new(section: &ScheduleSection) -> Result<Schedule, SpecificationError> {
         const SECTION: &str = "schedule";
         let (levels, seconds) = (&section.levels_db, &section.seconds);
+        // Checked first: `zip` would drop what the longer list has more.
         if levels.len() != seconds.len() {
             let (keys, got) = (["levels_db", "seconds"], [levels.len(), seconds.len()]);
             return Err(SpecificationError::Lengths { section: SECTION, keys, got });
@@ -174,6 +175,8 @@ impl RandomTest {
         let crest = sigma.unwrap_or(CREST);
         let zero_crossings_hz = libm::sqrt(self.profile.moment(2) / self.profile.moment(0)) / TAU;
         let full_s = self.schedule.as_ref().map(Schedule::full_level_s);
+        // Segments of 1/Δf that overlap by half. The small number keeps a whole number of them from being rounded
+        // down.
         let segments = full_s.map(|seconds| libm::floor(2.0 * seconds * self.lines_hz + 1e-9) - 1.0);
         let degrees_of_freedom =
             segments.filter(|segments| *segments >= 1.0).map(|segments| hann_degrees_of_freedom(segments as usize));

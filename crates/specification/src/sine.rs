@@ -326,6 +326,7 @@ fn segments(
             let why = "the last segment needs `to_hz`, and so does one before a segment of the same quantity";
             return Err(missing(SECTION, Some("to_hz"), why));
         };
+        // Checked in the order of the file, so that the message names the first segment that does not fit.
         let rises = end_hz > before && end_hz.is_finite();
         place.check(index + 1, "its last frequency, Hz,", end_hz, rises, "above its first one")?;
         found.push(SineSegment { from_hz: before, to_hz: end_hz, level: *level });

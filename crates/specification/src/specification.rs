@@ -154,6 +154,7 @@ impl Specification {
                 (Some(_), Some(_)) => return Err(idle("srs", None, "the shock is stated by [shock]: leave one out")),
             },
         };
+        // A section that nothing reads is an error: whoever wrote it would not notice that it has no effect.
         for (section, is_given, is_used) in [
             ("random", file.random.is_some(), file.spec.kind == Kind::Random),
             ("schedule", file.schedule.is_some(), file.spec.kind == Kind::Random),

@@ -94,6 +94,7 @@ impl SrsTest {
     /// Returns the natural frequencies of the lines, Hz, from the lowest frequency on, with the highest one.
     pub fn frequencies_hz(&self) -> Vec<f64> {
         let [from_hz, to_hz] = self.profile.band_hz();
+        // The small number keeps a whole number of steps from being rounded down.
         let steps = libm::floor(libm::log2(to_hz / from_hz) * self.lines_per_octave + 1e-9) as usize;
         let line = |k: usize| (from_hz * libm::exp2(k as f64 / self.lines_per_octave)).min(to_hz);
         let mut lines: Vec<f64> = (0..=steps).map(line).collect();

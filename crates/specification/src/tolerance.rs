@@ -38,6 +38,7 @@ impl Tolerance {
         }
         let mut before = f64::NEG_INFINITY;
         for (&ToleranceBand { from_hz, low_db, high_db }, number) in bands.iter().zip(1..) {
+            // Written so that a number that is not finite fails each check.
             let rises = from_hz >= 0.0 && from_hz > before && from_hz.is_finite();
             place.check(number, "the frequency, Hz,", from_hz, rises, "at least 0 and above the one before")?;
             let is_below = low_db < 0.0 && low_db.is_finite();

@@ -88,6 +88,7 @@ impl CancelHarmonics {
     }
 }
 
+// Signed and wide, so that whatever number is written reaches the message about it.
 impl TryFrom<alloc::vec::Vec<i64>> for CancelHarmonics {
     type Error = CancelHarmonicsError;
 
@@ -230,6 +231,7 @@ impl Cancellation {
     pub fn begin(&mut self, first: u64, samples: u64) {
         let half = samples / 2;
         (self.first, self.samples) = (first, samples);
+        // An odd number of samples leaves one more for the second half.
         self.halves = [HarmonicFit::new(half), HarmonicFit::new(samples - half)];
     }
 

@@ -52,6 +52,7 @@ impl FourierFilter {
             *coefficient += t.conj() * gain;
         }
         self.other += other_turn.conj() * gain;
+        // Kept within a turn: a phase that grows for minutes would lose the digits that the sine needs.
         self.other_phase_rad = wrapped(self.other_phase_rad + self.other_step_rad);
     }
 

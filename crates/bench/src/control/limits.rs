@@ -70,6 +70,7 @@ impl Watched {
     fn new(spec: &LimitsSpec, rig: &RigSpec, (place, channel): (usize, &Channel)) -> Option<Watched> {
         let instrument = match (channel.point, place) {
             (Point::Sensor { name, .. }, _) => name,
+            // The outputs begin with those of the arm's instruments: head, B and C, two axes each (`OUTPUTS`).
             (_, 0 | 1) => InstrumentName::HEAD,
             (_, 2 | 3) => InstrumentName::B,
             _ => InstrumentName::C,

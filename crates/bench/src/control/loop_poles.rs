@@ -115,6 +115,8 @@ impl Loop {
         let error = y - filter[0] - filter[1] - filter[3] - filter[5] - filter[7];
         let gain = 2.0 * self.adaptation * error;
         next.push(filter[0] + gain);
+        // The command acts from the next sample on, and the reading is late by the holds of the converter: the
+        // feedback is turned ahead by both.
         let omega = self.omega_rad_s;
         let ahead_rad = (1.0 + self.sampling.converter.holds_late() as f64) * omega * period_s;
         let droop = self.sampling.gain(omega / TAU);

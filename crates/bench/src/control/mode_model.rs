@@ -183,6 +183,7 @@ impl ModeModel {
         let Some(this) = all.get(mode.index()) else {
             return Err(NoSuchMode::Number { got: mode.into(), modes: all.len() });
         };
+        // Such a mode has no resonance, at which the lag passes 90°, and nothing to walk through.
         if this.frequency_hz == 0.0 || this.damping_ratio >= 1.0 {
             return Err(NoSuchMode::NoResonance { got: mode.into() });
         }

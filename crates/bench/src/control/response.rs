@@ -213,6 +213,7 @@ impl ResponseReader {
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) -> Option<ResponsePoint> {
         let n = sample.sample;
         let mut done = None;
+        // The sample at the end of the window may be lost, so that any sample behind it ends the reading.
         if self.current.as_ref().is_some_and(|reading| n >= reading.window.end) {
             done = self.current.take().and_then(|reading| reading.finish());
             self.current = self.windows.next().map(|(window, load)| Reading::new(window, load, self.sampling));

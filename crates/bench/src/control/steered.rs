@@ -139,6 +139,8 @@ impl Controller for Steered {
 
     fn answer(&mut self, sample: &Measurement) -> Answer {
         let n = sample.sample;
+        // Time goes by the index of the sample: where samples were lost, the sine and its ramps have gone on without
+        // them.
         let passed = self.last.map_or(0, |last| n.saturating_sub(last)) as f64;
         self.last = Some(n);
         let cycles = self.cycles + passed * self.set.frequency_hz / self.sampling.rate_hz;

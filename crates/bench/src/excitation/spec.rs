@@ -158,6 +158,7 @@ impl ExcitationSpec {
         not_negative("ramp_s", self.ramp_s)?;
         check_amplitude(&self.amplitude)?;
         let highest_hz = self.profile.check()?;
+        // At half the sample rate itself the samples of a sine may all be zero.
         if highest_hz >= 0.5 * rate_hz {
             return Err(ExcitationError::AboveNyquist { frequency_hz: highest_hz, rate_hz });
         }

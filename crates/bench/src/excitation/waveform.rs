@@ -229,6 +229,7 @@ impl Waveform {
                 check_periods(periods)?;
                 band(from_hz, to_hz)
             }
+            // A file has no frequency of its own. Points that are too dense are rejected when it is sampled.
             Waveform::File { .. } => Ok(0.0),
         }
     }

@@ -73,6 +73,7 @@ pub fn frequency_response(
         let least = libm::ceil(record.rate_hz() / (band.to_hz - band.from_hz)) as usize;
         return Err(IdentifyError::TooShort { samples: segments.length, least });
     }
+    // Behind an impact the head reads only noise, which would add to the whole spectrum of the force.
     let is_kept = |n: usize| averaging != Averaging::Single || (begin..end).contains(&n);
     let keep = |(n, force): (usize, &f64)| if is_kept(n) { *force } else { 0.0 };
     let force_n: Vec<f64> = record.force_n.iter().enumerate().map(keep).collect();

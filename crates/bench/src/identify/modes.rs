@@ -345,6 +345,7 @@ impl Identification {
     fn describe(&mut self) {
         let Some(estimate) = self.estimate.take() else { return };
         self.modes = estimate.modes.iter().map(|mode| self.mode(mode)).collect();
+        // `compare_levels` states the estimate again, and the list must not become twice as long.
         self.noise.clear();
         for (index, (run, report)) in self.runs.iter().zip(&estimate.runs).enumerate() {
             for (channel, noise) in run.channels.iter().zip(report.reference_noise.iter().chain(&report.response_noise))
@@ -371,6 +372,7 @@ impl Identification {
 
     fn mode(&self, mode: &modal::Mode) -> IdentifiedMode {
         let deviations = mode.deviations().ok();
+        // A mode that is in doubt has values and no deviations: a deviation without meaning would be taken for one.
         let is_sure = deviations.is_some();
         let scaled: Option<Vec<Option<[Complex<f64>; 2]>>> =
             mode.shape.as_ref().map(|shape| self.at.iter().map(|at| self.component(shape, at)).collect());

@@ -60,6 +60,7 @@ impl RigPlaces {
     pub fn of_rig(rig: &RigSpec) -> RigPlaces {
         let names = |at: &Option<PlaceName>, default: &str| {
             let at = at.as_ref().map_or(default, PlaceName::as_str);
+            // A place that names its axis is a single degree of freedom, and x stands for it.
             if at.contains('.') {
                 return [Some(at.to_string()), None];
             }

@@ -91,6 +91,7 @@ pub trait ExciterInterface: fmt::Debug + Send {
     /// Returns the load that answers the last sample, with the sample's index on the bus; `None` if no load answers it.
     fn answering_load(&self) -> Option<(u16, Load)> {
         let (sample, load) = self.carried().last_answer()?;
+        // The controller may have ended with a later sample, which no load answers.
         (sample + 1 == self.samples_played()).then_some((self.work().last_index, load))
     }
 

@@ -64,7 +64,9 @@ impl Guard {
     /// Arms the plant; no sample counts as answered.
     pub fn arm(&mut self, core: &mut NodeCore) {
         self.gate.arm();
+        // Frames that were rejected before the plant was armed can't be the reason of a timeout after it.
         self.heeded();
+        // The timeout runs from arming on, so that a controller that arms the plant and then says nothing is noticed.
         self.taken_ns = core.listening.listened_ns();
         self.refused_since_taken = 0;
         core.turn(StateEvent::Arm);
@@ -72,6 +74,7 @@ impl Guard {
 
     /// Disarms an armed plant; an acting load ramps to zero.
     pub fn disarm(&mut self, core: &mut NodeCore) {
+        // Only an operational plant turns. In every other state the load is zero already, or ramps to it.
         if core.turn(StateEvent::Disarm) {
             self.hold.release();
         }
@@ -163,6 +166,8 @@ impl Guard {
 
     /// Returns the detail of [`EmergencyCode::CommandTimeout`].
     pub fn timeout_detail(&self) -> u16 {
+        // The last reason is that of the whole run. It belongs to this timeout only if a command was rejected since
+        // the last accepted one.
         Refusal::detail(self.refused_since_taken, self.refusals.last().filter(|_| self.has_refused()))
     }
 

@@ -15,6 +15,7 @@ impl Hold {
     /// Returns a hold without a load; a ramp takes `ramp_samples` samples, at least 1.
     pub fn new(ramp_samples: u64) -> Hold {
         let zero = Load::default();
+        // With 0 samples `release` would start no ramp, and the load would act for ever.
         Hold { load: zero, ramp_from: zero, ramp_left: 0, ramp_samples: ramp_samples.max(1) }
     }
 

@@ -173,6 +173,8 @@ impl PlantNode {
     /// Beyond the travel limit an operational plant faults: it would otherwise be driven on once it swings
     /// back.
     fn take(&mut self, now_ns: u64, index: u16, carried: &Load) {
+        // Taken also from a command that the gate rejects: the run times the round trip by it, which does not depend
+        // on the load.
         self.echoed = Some(index);
         let load = self.completed(index, carried);
         let state = self.state();
@@ -292,6 +294,7 @@ impl PlantInterface for PlantNode {
             Message::Torque(c) => self.take(now_ns, c.sample, &Load::torque_nm(c.torque1_nm, c.torque2_nm)),
             Message::ExciterHello(hello) => self.meet(now_ns, hello),
             Message::Heartbeat(Heartbeat { node: Node::Exciter, state }) => self.watch(now_ns, state),
+            // A node that states no capabilities gets one sample a frame, which every exciter accepts.
             Message::Capabilities(exciter) => self.partner_samples = exciter.samples_per_frame,
             Message::Emergency(emergency) if emergency.code == EmergencyCode::Leaving => {
                 self.exciter_left(now_ns, emergency)
@@ -318,6 +321,7 @@ impl PlantInterface for PlantNode {
         if !self.is_armed() {
             return;
         }
+        // A jammed bus comes first, since it may be the reason why no command and no heartbeat has come.
         if self.link.core.is_jammed() {
             self.fault(now_ns, EmergencyCode::BusLoss, self.link.core.not_sent(self.waiting()));
         } else if self.guard.is_timed_out(&self.link.core) {
@@ -372,6 +376,7 @@ impl PlantInterface for PlantNode {
             return;
         }
         self.is_leaving = true;
+        // The ramp begins before the emergency is made, which states how many samples the ramp still takes.
         self.guard.release();
         self.link.send_emergency(self.guard.emergency(EmergencyCode::Leaving, self.ramp_detail()));
         self.disarm(now_ns);

@@ -6,6 +6,7 @@ use crate::rig::{Measurement, Reading, Readings};
 
 /// Returns the three messages of the classic profile, in the order of sending.
 pub(super) fn classic(measurement: &Measurement) -> [Message; 3] {
+    // Frames carry the index modulo 2¹⁶.
     let sample = measurement.sample as u16;
     let [x, y] = measurement.head_force_n;
     let head = ImpedanceHead {

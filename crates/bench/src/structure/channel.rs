@@ -69,6 +69,7 @@ impl Deref for ChannelName {
 /// Appends to the name; what is beyond 39 bytes is cut.
 impl fmt::Write for ChannelName {
     fn write_str(&mut self, text: &str) -> fmt::Result {
+        // Names are ASCII, so that no character is cut in half.
         for byte in text.bytes() {
             if let Some(to) = self.bytes.get_mut(usize::from(self.length)) {
                 *to = byte;
@@ -476,6 +477,7 @@ pub struct LoadSet(u16);
 
 impl LoadSet {
     /// The loads that the native protocol carries.
+    // Bits 0 and 1 are the torques at the first two joints, bits 8 and 9 the forces along x and y.
     pub const NATIVE: LoadSet = LoadSet(0b11_0000_0011);
 
     /// The loads among these channels, which must be in the order of [`LOADS`]; `None` if a channel is no load or stands
@@ -547,6 +549,7 @@ impl LoadSet {
 
 /// What the arm's instruments read, in the order of [`Measurement::readings`](crate::rig::Measurement::readings).
 pub const OUTPUTS: [Channel; READINGS.len()] =
+    // The head comes first, as in a sample of the protocol. Files have it last.
     [READINGS[4], READINGS[5], READINGS[0], READINGS[1], READINGS[2], READINGS[3]];
 
 /// `$before` n `$after` for every n.

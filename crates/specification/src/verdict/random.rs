@@ -205,6 +205,7 @@ fn probability([to_low, to_high]: [f64; 2], degrees_of_freedom: f64) -> f64 {
 fn proven(lines: &[Line], degrees_of_freedom: f64) -> (Vec<usize>, usize) {
     let family = ALPHA / (1 + WIDTHS.len()) as f64;
     let single: Vec<f64> = lines.iter().map(|line| probability(line.to_ends(), degrees_of_freedom)).collect();
+    // Holm's procedure tests the smallest probability first, and stops at the first one that proves nothing.
     let mut order: Vec<usize> = (0..lines.len()).collect();
     order.sort_by(|a, b| single[*a].total_cmp(&single[*b]));
     let is_proven = |rank: usize, index: usize| single[index] <= family / (lines.len() - rank) as f64;
@@ -230,6 +231,7 @@ fn proven(lines: &[Line], degrees_of_freedom: f64) -> (Vec<usize>, usize) {
 /// Returns the first and the last line that is judged, `EDGE` lines within the edges of a profile.
 fn judged(frequency_hz: &[f64], [from_hz, to_hz]: [f64; 2]) -> Result<Range<usize>, VerdictError> {
     let spacing_hz = if frequency_hz.len() > 1 { frequency_hz[1] - frequency_hz[0] } else { 0.0 };
+    // Frequencies of lines are multiples of a rounded spacing, and may miss an edge by the last bit.
     let slack = 1e-6 * spacing_hz;
     let first = frequency_hz.iter().position(|hz| *hz >= from_hz - slack).unwrap_or(frequency_hz.len()) + EDGE;
     let end =
@@ -278,6 +280,7 @@ pub fn judge_density(
     let rms = rms_verdict(test, &lines, freedom, control.frequency_hz);
     let is_too_short = test.least_dof.is_some_and(|least| freedom < least);
     let mut verdict = limits.iter().map(|limit| limit.verdict).chain(rms.verdict).fold(profile, Verdict::max);
+    // The specification asks for more averages than the record has, so that the record can't be in.
     if is_too_short {
         verdict = verdict.max(Verdict::Undecided);
     }
@@ -394,6 +397,7 @@ pub fn judge_level(test: &RandomTest, rate_hz: f64, samples: &[f64]) -> Option<L
     }
     let [from_hz, to_hz] = test.profile.band_hz();
     let specified = test.profile.moment(0);
+    // Running sums make the mean square of every window a difference, whatever the window's length.
     let mut sums = vec![0.0; samples.len() + 1];
     for (index, sample) in within_band(samples, rate_hz, [from_hz, to_hz]).iter().enumerate() {
         sums[index + 1] = sums[index] + sample * sample;

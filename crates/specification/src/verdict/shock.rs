@@ -147,6 +147,7 @@ pub fn judge_shock(
         }
         starts.push((start, amplitude));
         let end = (start + apart).min(fits.len());
+        // Neighbours of a shot fit nearly as well, and are not shots of their own.
         fits[start.saturating_sub(apart)..end].fill(f64::NEG_INFINITY);
     }
     starts.sort_unstable_by_key(|(start, _)| *start);

@@ -167,6 +167,7 @@ impl Phase {
             2 * line <= length && hz >= 0.5 * from_hz && hz <= 1.5 * to_hz
         };
         values.iter_mut().enumerate().filter(|(line, _)| !is_kept(*line)).for_each(|(_, value)| *value *= 0.0);
+        // Without its negative frequencies the signal is analytic: its argument is the phase of the sine.
         transform.backward(&mut values);
         let size = values[..reference.len()].iter().map(|value| libm::hypot(value.re, value.im)).collect();
         let mut phase = Vec::with_capacity(reference.len());
@@ -180,6 +181,7 @@ impl Phase {
         }
         let half = (0.5 * CYCLES / from_hz * rate_hz) as usize + 1;
         let steps: Vec<f64> = phase.windows(2).map(|pair| pair[1] - pair[0]).chain([0.0]).collect();
+        // Averaged twice, which is a triangular window: beside its main lobe it falls off faster than a rectangular one.
         let steps = averaged(&averaged(&steps, half), half);
         let mut sum = 0.0;
         let running = |step: &f64| {

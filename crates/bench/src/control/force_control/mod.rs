@@ -238,6 +238,7 @@ impl ForceControl {
 
     /// Returns the frequency that is played, Hz; after the end, the last one.
     fn frequency_hz(&self) -> f64 {
+        // While the command ramps to zero at the end, the sine keeps its last frequency.
         let last = self.frequencies_hz.len().saturating_sub(1);
         self.frequencies_hz.get(self.point.min(last)).copied().unwrap_or(0.0)
     }
@@ -313,6 +314,7 @@ impl ForceControl {
         let from = self.command_n;
         // The power is learned from c and H of this try before the command is changed.
         self.learn(libm::log(libm::hypot(from.re, from.im)), libm::log(point.load));
+        // The size of the factor is limited, its angle is not: a wrong phase can't overload the exciter.
         let factor = missing(head_n, wanted_n);
         self.command_n = corrected(from, factor, self.power);
         let reached = self.cancel(&point, factor, off) && off < TOLERANCE;

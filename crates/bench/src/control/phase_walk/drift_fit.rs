@@ -59,6 +59,7 @@ impl DriftFit {
     /// White noise of standard deviation σ in n samples causes in ċ_1 the variance 2σ²/n ∫w²x²/(∫wx²)² = 56.2 σ²/n. σ²
     /// is the residual of the fit, (Σ w y² − zᵀ Σ w y p)/Σ w.
     pub fn finish(&self) -> Option<Drift> {
+        // √56.2, of the variance above.
         const FACTOR: f64 = 7.5;
         let z = self.normal.cholesky()?.solve(&self.moment);
         // The residual follows from the sums. It is bounded at 0, where rounding may take it below.

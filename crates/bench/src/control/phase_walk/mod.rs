@@ -272,6 +272,7 @@ impl PhaseWalk {
     fn settling_samples(&self, from: &Target) -> u64 {
         let step = (self.target.amplitude - from.amplitude).abs() / self.target.amplitude;
         // e^{−gt} · step falls to the allowed rest after ln(step/rest) time constants.
+        // A step below the allowed rest has a negative logarithm, and waits for the least time all the same.
         let time_constants = libm::log(step / SETTLED_STEP).clamp(LEAST_SETTLE, MOST_SETTLE);
         self.samples_in(time_constants / self.gain_1_s)
     }
@@ -304,6 +305,7 @@ impl PhaseWalk {
                 let patience = self.read_factor * (1.0 + RETRY * f64::from(self.tries));
                 let periods = libm::ceil(patience * READ / self.gain_1_s / period_s);
                 let samples = self.samples_in(periods * period_s);
+                // From the next sample on: `answer` adds a sample to the reading before it changes the stage.
                 self.reader = Reader::new(n + 1, samples);
                 self.cancellation.iter_mut().for_each(|cancellation| cancellation.begin(n + 1, samples));
                 self.stage = Stage::Read;
@@ -479,6 +481,7 @@ impl Controller for PhaseWalk {
     }
 
     fn poll_response(&mut self) -> Option<ResponsePoint> {
+        // At most four responses wait, so that moving them up costs less than a ring.
         if self.responses.is_empty() { None } else { Some(self.responses.remove(0)) }
     }
 

@@ -151,6 +151,7 @@ pub(super) fn check(
 
 /// Returns the amplitude of a load, N or N·m.
 pub(super) fn size(amplitude: &Load) -> f64 {
+    // One of the two is zero, as `check_amplitude` requires, so that the sum of unlike units is never formed.
     libm::hypot(amplitude.force_n.norm(), amplitude.torque_nm.norm())
 }
 

@@ -82,6 +82,7 @@ impl Frames {
 
     /// Averages anew, without the frames that overlap what was before.
     pub fn reset(&mut self) {
+        // Frames overlap by half, so that the present one and the next hold samples from before.
         (self.averages, self.skip) = (0, 2);
     }
 
@@ -122,6 +123,7 @@ impl Frames {
     /// Transforms two channels at a time. With z = a + ib, A(k) = (Z(k) + conj Z(N−k))/2 and B(k) = (Z(k) − conj Z(N−k))/2i.
     fn transform(&mut self) {
         let length = self.window.len();
+        // Two real signals take one complex transform, which halves the work of the sample that ends a frame.
         for first in (0..self.samples.len()).step_by(2) {
             let second = self.samples.get(first + 1);
             for (n, (slot, w)) in self.work.iter_mut().zip(&self.window).enumerate() {
@@ -206,6 +208,7 @@ impl NoiseDrive {
 
     /// Starts over with the same random numbers.
     pub fn restart(&mut self) {
+        // A restarted law must repeat its drive bit for bit.
         self.noise = Noise::new(self.seed, STREAM);
         self.sum.fill(0.0);
         self.next = self.hop.len();
@@ -244,6 +247,7 @@ impl NoiseDrive {
             *sum += value.re * w;
         }
         let half = self.hop.len();
+        // The sum is clipped and not its frames: the limit is that of what is played.
         for (slot, sum) in self.hop.iter_mut().zip(&self.sum) {
             *slot = sum.clamp(-most, most);
         }
@@ -284,6 +288,7 @@ mod tests {
                 drive.make(&density, &band, 4.0, f64::INFINITY);
             }
             let value = drive.take();
+            // The order of `CONTROL`, `DRIVE` and `HEAD`.
             frames.push([-3.0 * last, value, value].into_iter());
             last = value;
         }

@@ -33,6 +33,8 @@ impl LineBank {
     /// Returns the lines within a band of a period of `period` samples.
     pub fn new(period: usize, rate_hz: f64, [from_hz, to_hz]: [f64; 2]) -> LineBank {
         let line_hz = rate_hz / period as f64;
+        // Line 0 is a constant, which no exciter can hold, and the lines end below half the sample rate, where a line
+        // has no phase.
         let first = (libm::floor(from_hz / line_hz) as usize).max(1);
         let last = (libm::ceil(to_hz / line_hz) as usize).clamp(first, (period - 1) / 2);
         let turn = |k: usize| {
@@ -165,6 +167,7 @@ impl Identification {
         }
         let scale = (rms_m_s2 / libm::sqrt(response)).min(self.most_n / libm::sqrt(force));
         self.drive.iter_mut().for_each(|line| line.re *= scale);
+        // Taken out for the closure, which reads the responses while `spread` changes the drive.
         let responses = core::mem::take(&mut self.responses);
         self.spread(|k| responses[0][k].norm_sqr());
         self.responses = responses;
@@ -218,6 +221,7 @@ impl Identification {
                 self.bank.read(lines, value);
             }
         }
+        // The drive of this sample was summed before the step: readings and drive are of the same sample.
         let is_whole = self.bank.advance();
         self.periods += u32::from(is_whole);
         if !is_whole || self.periods != settled + read {

@@ -402,6 +402,7 @@ impl Stuck {
 fn place_of(name: &str) -> Result<usize, TestControlError> {
     const NAMES: [(&str, usize); 4] = [("b.x", 2), ("b.y", 3), ("c.x", 4), ("c.y", 5)];
     let short = NAMES.iter().find(|(known, _)| *known == name).map(|(_, place)| *place);
+    // Accelerations are controlled, so that the search begins behind the two axes of the head.
     let long = || (2..OUTPUTS.len()).find(|place| OUTPUTS[*place].name.as_str() == name);
     short.or_else(long).ok_or_else(|| TestControlError::Channel { got: name.to_string() })
 }
@@ -468,6 +469,7 @@ impl TestController {
         let along = if control % 2 == 0 { direction.force_n.x } else { direction.force_n.y };
         let settings = LawSettings {
             rate_hz,
+            // The smallest of what the scenario allows, what the exciter has, and what the specification states.
             limit_n: amplitude_n.min(limit_n).min(limits.drive_peak_n.unwrap_or(f64::INFINITY)),
             limits,
             is_driving_point: c_is_driven && control >= PLACE_OF_C && along.abs() > ALONG,
@@ -526,6 +528,8 @@ impl TestController {
                 }
                 let Step { drive_n, end } = self.law.step(&readings);
                 let (samples, every) = (CLIPPED_SAMPLES, CLIPPED_EVERY);
+                // A leaky bucket: a clipped reading fills in what `every` others drain. Five in a row overflow it,
+                // and so does more than one in fifty for long.
                 self.clipped = if control.clipped { self.clipped + every } else { self.clipped.saturating_sub(1) };
                 let is_clipped = self.clipped >= samples * every;
                 let clipped = is_clipped.then_some(End::Stopped(StopReason::Clipped { samples, every }));
@@ -539,6 +543,7 @@ impl TestController {
             Ramp::Down(_) => {
                 // Samples that were lost count, so that the ramp is not longer by them.
                 self.share -= (1 + lost) as f64 / self.ramp_samples;
+                // The share is a sum of steps, so that its end is zero but for rounding.
                 if self.share > 1e-9 {
                     return Some(self.share * self.law.coast(&readings));
                 }
@@ -550,6 +555,7 @@ impl TestController {
 
     /// Does what an operator's word asks for. A start is heard only by a test that has ended, a stop only by one that has not.
     fn obey(&mut self, deed: Deed) {
+        // A word that does not apply is no error: an operator may say it at any time.
         match (deed, self.ramp) {
             (Deed::Stop, Ramp::On) => self.ramp = Ramp::Down(End::Stopped(StopReason::Operator)),
             (Deed::Start, Ramp::Down(_)) if self.share <= 1e-9 => {

@@ -86,6 +86,7 @@ impl Operator {
             const ROUNDING: f64 = 1e-12;
             words.push((libm::ceil(at_s * rate_hz * (1.0 - ROUNDING)) as u64, deed));
         }
+        // The sort is stable: words for the same sample are heard in the order in which they are listed.
         words.sort_by_key(|(sample, _)| *sample);
         Ok(Operator { words, heard: 0 })
     }

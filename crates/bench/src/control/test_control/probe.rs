@@ -68,6 +68,7 @@ impl Probe {
         let line_hz = rate_hz / length as f64;
         let lines = length / 2 + 1;
         let [first, last] = [libm::ceil(band_hz[0] / line_hz - 1e-9), libm::floor(band_hz[1] / line_hz + 1e-9)];
+        // Line k of the noise has a partner at N − k, which keeps the samples real. Lines 0 and N/2 have none.
         let first = (first as usize).clamp(1, lines - 2);
         let band = first..(last as usize + 1).clamp(first + 1, lines - 1);
         let mut low = vec![0.0; lines];
@@ -105,6 +106,7 @@ impl Probe {
     pub fn push(&mut self, sample: &TestSample<'_>, drive_n: f64) {
         let head_n = if sample.head_n.is_finite() { sample.head_n } else { 0.0 };
         self.has_head |= head_n != 0.0;
+        // The order of `CONTROL`, `DRIVE`, `HEAD` and `LIMITED`.
         let first = [sample.control_m_s2, drive_n, head_n];
         self.frames.push(first.into_iter().chain(sample.limited_m_s2.iter().copied()));
     }

@@ -194,6 +194,7 @@ impl RandomLaw {
         let sorted = &mut self.sorted;
         sorted.clear();
         sorted.extend_from_slice(lines);
+        // Selected and not sorted: only the median is needed, and this runs within one sample of the real-time loop.
         let middle = sorted.len() / 2;
         let (_, median, _) = sorted.select_nth_unstable_by(middle, f64::total_cmp);
         let most = LARGEST_OVER_MEDIAN * *median;
@@ -324,6 +325,7 @@ impl Law for RandomLaw {
 
     fn step(&mut self, sample: &TestSample<'_>) -> Step {
         if sample.lost > 0 {
+            // A gap in the readings would be a step in the frame, and a low level in the mean square.
             self.probe.interrupt();
             self.rms.clear();
             self.stuck = Stuck::default();

@@ -235,6 +235,7 @@ impl ShockLaw {
     fn shot_drive_n(&self) -> f64 {
         let bank = &self.identification.bank;
         let (n, last) = (bank.sample, bank.period - 1);
+        // The frame fades in and out at both of its ends.
         let edge = n.min(last - n);
         raised_cosine(edge as f64 / self.fade as f64) * self.level() * bank.sum(&self.drive)
     }
@@ -320,6 +321,7 @@ impl ShockLaw {
 impl Law for ShockLaw {
     fn restart(&mut self) {
         self.probe.restart();
+        // Everything else is set when its stage begins. An infinite error makes the first shot the best one so far.
         (self.stage, self.shot, self.step, self.least_error) = (Stage::Check, 0, 1.0, f64::INFINITY);
     }
 

@@ -385,6 +385,7 @@ const GAP_S: f64 = 0.15;
 
 impl Law for SweptSineLaw {
     fn restart(&mut self) {
+        // What the identification has found is left: it begins anew behind the loop check, before anything uses it.
         self.probe.restart();
         self.phase = TestPhase::Silence;
         self.control = Tracking::default();

@@ -88,6 +88,8 @@ impl Axis {
             }
             self.is_newly_enabled = true;
         }
+        // The bit of the statusword is about the last target in this state, and no target has been judged in the new
+        // one.
         self.is_limited = false;
         self.state = to;
         self.begin_epoch();

@@ -82,6 +82,7 @@ impl Slave {
     /// Returns the target closest to its part of a load; `None` if that exceeds 16 bits.
     fn target_of(&self, load: &Load) -> Option<i16> {
         let torque_nm = load.torque_nm[self.spec.joint];
+        // Halves go to the even number, as in the codec of Resonarm's protocol.
         let target = libm::rint(torque_nm / self.spec.torque_step_nm());
         (f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&target).then_some(target as i16)
     }
@@ -232,6 +233,7 @@ impl Cia402Exciter {
     /// positions nobody has asked for.
     fn begin(&mut self, now_ns: u64) {
         self.work.begin(&mut self.core);
+        // Positions from before the drives were enabled are of no sample.
         self.slaves.iter_mut().for_each(|slave| slave.has_position = false);
         self.syncs = 0;
         if self.time_base == TimeBase::Lockstep {
@@ -280,6 +282,8 @@ impl Cia402Exciter {
             return;
         }
         let next_ns = self.sync_at_ns.saturating_add(self.sync_period_ns);
+        // Periods that were missed are not made up for: a burst of SYNCs would ask for the same positions again and
+        // again.
         self.sync_at_ns = if next_ns > now_ns { next_ns } else { now_ns.saturating_add(self.sync_period_ns) };
         self.syncs += 1;
         self.push(Message::Sync);
@@ -303,6 +307,7 @@ impl Cia402Exciter {
         if !has_its_length {
             return Err(FrameCheck::Length);
         }
+        // Only a frame that passed the checks is a sign of life of the plant.
         self.work.hear();
         if id == slave.id(STATUS_BASE) {
             let [low, high, mode, ..] = data else { return Err(FrameCheck::Length) };
@@ -319,6 +324,7 @@ impl Cia402Exciter {
         } else {
             let [low, high, ..] = data else { return Err(FrameCheck::Length) };
             let code = u16::from_le_bytes([*low, *high]);
+            // Code 0 announces that an error has gone.
             if self.work.phase == Phase::Playing && code != 0 {
                 let known = EmergencyCode::ALL.into_iter().find(|known| error_code(*known) == code);
                 self.fault(self.work.of_plant(known.filter(|known| error_code(*known) != error_code(OTHER))));

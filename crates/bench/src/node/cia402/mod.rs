@@ -173,8 +173,11 @@ impl Cia402Node {
     /// Lets the plant's state and the load follow the states of the drives, and shows them in the object
     /// dictionaries.
     fn settle(&mut self) {
+        // Counted, where `any` would stop at the first drive and leave the marks of the others for the next call.
         let is_stopped = self.drives.iter_mut().filter_map(|drive| drive.axis.take_stopped().then_some(())).count() > 0;
         let is_any_enabled = self.drives.iter().any(|drive| drive.axis.is_enabled());
+        // Each drive leaves its fault by its own reset. The plant leaves its own with the first of them, since that
+        // drive may be enabled again.
         if self.state() == NodeState::Fault && self.drives.iter().any(|drive| !drive.axis.state().is_fault()) {
             self.core.turn(StateEvent::Reset);
         }
@@ -274,6 +277,8 @@ impl PlantInterface for Cia402Node {
 
     fn handle_frame(&mut self, now_ns: u64, frame: &Frame) {
         self.look(now_ns);
+        // Whether the plant was armed is asked before the frame acts: a SYNC that enables the first drive, by a
+        // controlword that waited for it, answers no sample.
         let (was_armed, mut is_sync) = (self.is_armed(), false);
         let (mut refused, mut is_other_sender) = (None, false);
         for place in 0..self.drives.len() {
@@ -335,6 +340,7 @@ impl PlantInterface for Cia402Node {
         let listening = self.core.listening;
         let lost =
             |drive: &mut Drive| drive.server.takes_heartbeat_loss(|since, time| listening.has_passed(since, time));
+        // Counted for the same reason as in `settle`: every drive must take its loss.
         if self.drives.iter_mut().filter_map(|drive| lost(drive).then_some(())).count() > 0 {
             self.fault(now_ns, EmergencyCode::HeartbeatLost, u16::from(Node::Exciter.number()));
         }
@@ -380,6 +386,7 @@ impl PlantInterface for Cia402Node {
         let ([a, b], [c, d], number) = (detail.to_le_bytes(), sample.to_le_bytes(), error_code(code));
         for drive in &mut self.drives {
             drive.axis.fail(code);
+            // CiA 301 leaves five bytes to the manufacturer: here detail and index of the sample, low byte first.
             drive.server.emergency(number, error_register(number), [a, b, c, d, 0]);
         }
         self.settle();

@@ -77,6 +77,7 @@ impl DriveSpec {
         use Access::{Const, ReadOnly, ReadWrite};
         let id = u32::from(self.node_id);
         let name = Text::new(self.name().as_bytes()).map_or(Value::U8(0), Value::Text);
+        // The low word is the profile, 402, and the high word 2 says that it is a servo drive.
         dictionary.variable(0x1000, Entry::new(0, "Device type", Const, Value::U32(0x0002_0192)));
         let register = Entry::new(0, "Error register", ReadOnly, Value::U8(0));
         dictionary.variable(0x1001, register.mappable(Mappable::Transmit));
@@ -150,6 +151,7 @@ fn add_inert(dictionary: &mut Dictionary) {
     let period = vec![
         Entry::new(0, "Largest subindex", Access::Const, Value::U8(2)),
         Entry::new(1, "Interpolation time period value", ReadWrite, Value::U8(1)),
+        // A power of ten: with −3 the period above is in milliseconds.
         Entry::new(2, "Interpolation time index", ReadWrite, Value::I8(-3)).within(-128, 63),
     ];
     dictionary.add(Object { index: 0x60C2, name: "Interpolation time period", kind: Kind::Record, entries: period });

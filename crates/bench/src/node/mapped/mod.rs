@@ -104,6 +104,7 @@ impl MappedNode {
     fn handle_own(&mut self, sender: usize, frame: &Frame) {
         let message = &self.senders[sender].message;
         let is_remote = frame.format() == FrameFormat::Remote;
+        // CAN FD has no remote frames, so that an empty data frame asks as well.
         let asks = is_remote || (frame.data().is_empty() && message.form().check(frame).is_ok());
         if asks && message.is_on_request {
             self.queue(|sender| sender.message.id == frame.id());
@@ -404,6 +405,7 @@ impl PlantInterface for MappedNode {
         if let Some(sender) = self.senders.iter().position(|sender| sender.message.id == frame.id()) {
             return self.handle_own(sender, frame);
         }
+        // A mapping has a handful of messages, for which a search is as fast as a table and needs none.
         let Some(index) = self.receivers.iter().position(|receiver| receiver.message.id == frame.id()) else { return };
         if frame.format() == FrameFormat::Remote {
             return;
@@ -459,6 +461,7 @@ impl PlantInterface for MappedNode {
             self.round = Round::Open;
         }
         self.values.sample = measurement.sample;
+        // From here on there is a sample that a command can answer.
         self.has_published = true;
         let readings = measurement.readings().into_iter().chain(measurement.more.iter());
         for (place, reading) in readings.enumerate() {
@@ -479,6 +482,7 @@ impl PlantInterface for MappedNode {
     }
 
     fn load(&mut self) -> Load {
+        // Readings of the load state what acts, ramps included, and not what was commanded.
         self.values.load = self.guard.load();
         self.values.load
     }

@@ -139,6 +139,7 @@ impl Listener {
         match (self.numbering, index, step) {
             (Numbering::Sample(modulus), Some(index), _) => {
                 let last = self.last.replace(index);
+                // Both indices are reduced first, since a plant may count beyond the modulus that its mapping states.
                 last.map_or(self.every, |last| (index % modulus + modulus - last % modulus) % modulus)
             }
             (_, _, Some(Step::Lost { frames })) => frames.saturating_add(1).saturating_mul(self.every),

@@ -116,6 +116,8 @@ impl MappedExciter {
         let controller = Carried::new(controller);
         let channels = controller.controller.needs().iter().map(|needed| needed.place + 1).max().unwrap_or(0);
         let exciter = MappedExciter {
+            // A page waits at most once with each of the four requests. With room for twice as many the queue never
+            // grows while the node runs.
             queue: VecDeque::with_capacity(8 * pages.len()),
             counters: vec![0; mapping.incoming.len()],
             drives: drives(mapping, &listeners),
@@ -149,6 +151,7 @@ impl MappedExciter {
         }
         for Drive { number, .. } in &self.drives {
             let asks = |ask| {
+                // A page that only meets a condition is sent with a request, and makes none.
                 let mut pages = self.pages.iter().filter(|page| page.asks(ask) && !page.is_condition);
                 pages.any(|page| mapping.incoming[page.message].drive == *number)
             };
@@ -537,6 +540,7 @@ impl ExciterInterface for MappedExciter {
             self.counters[page.message] = page.after(self.counters[page.message]);
         }
         self.core.frame_sent(!self.queue.is_empty());
+        // A plant that reports no state counts as disarmed once all is sent.
         if let Phase::Disarming(outcome) = self.work.phase
             && self.queue.is_empty()
             && !self.says_state()
