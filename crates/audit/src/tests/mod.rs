@@ -113,6 +113,7 @@ fn mode(seed: u64, hz: f64, samples: usize, rms: f64) -> Vec<f64> {
     let turn = core::f64::consts::TAU * hz / RATE as f64;
     let decay = libm::exp(-0.01 * turn);
     let (mut last, mut before) = (0.0, 0.0);
+    // The recursion whose poles are e^(−ζωT ± iωT).
     let step = |push: f64| {
         let next = 2.0 * decay * libm::cos(turn) * last - decay * decay * before + push;
         (before, last) = (last, next);

@@ -47,8 +47,10 @@ fn good_shots_pass_and_flawed_ones_fail_the_case_for_it() {
     let (short, _) = shock(&text.replace("duration_s = 0.02", "duration_s = 0.014")).compensated(RATE_HZ).unwrap();
     let mut alone = good.clone();
     alone[..start].fill(0.0);
+    // A pulse of 20 ms has 21 samples at 1 kHz, its start and its end included.
     alone[start + 21..].fill(0.0);
     let mut bump = good.clone();
+    // Two pieces of opposite sign behind the pulse: the velocity at the end stays, so that K04 has nothing to find.
     bump[start + 60..start + 70].iter_mut().for_each(|sample| *sample += 6.0);
     bump[start + 70..start + 80].iter_mut().for_each(|sample| *sample -= 6.0);
     for (expected, record) in [
@@ -85,6 +87,7 @@ fn a_controller_may_identify_the_structure_before_its_shots() {
             passes(&specification, id, &record, &record);
         }
         let begins_s = Base::new(&specification, &record).begins_s.unwrap();
+        // The first shot begins 1 s into its record, and a compensation of 0.1 s belongs to it.
         assert!((begins_s - (before_s + 1.0 + (start as f64 - 100.0) / RATE_HZ)).abs() < 2e-3, "{begins_s}");
         let none = Record { drive: before.clone(), reading: before.clone(), ..shots.clone() };
         for id in ["K01", "K02", "K03", "K04", "K05"] {

@@ -52,6 +52,7 @@ fn accelerance(frequency_hz: f64) -> Phasor {
 /// Checks that force and acceleration of a response, as complex numbers, are those of a load of phase 0.
 fn check(response: &ResponsePoint, expected_n: f64, bound: f64, what: &str) {
     assert!((response.load / expected_n - 1.0).abs() < 1e-9, "{what}: {}", response.load);
+    // An ideal exciter: the head reads the whole load, and the tip moves as the arm alone does under it.
     let tip = accelerance(response.frequency_hz) * expected_n;
     let head = Phasor::new(expected_n, 0.0);
     for (seen, expected) in [(response.head_force_n[0], head), (response.acceleration_c_m_s2[0], tip)] {
@@ -69,6 +70,7 @@ fn open_loop_phases_are_against_the_acting_load() {
             let amplitude = Load::force_n(FORCE_N, 0.0);
             let profile = Waveform::Dwell { frequency_hz, duration_s: 16.0, settle_s: 10.0 };
             let profile = Profile::new(&ExcitationSpec { amplitude, ramp_s: 1.0, profile }, RATE_HZ).unwrap();
+            // A staircase acts less than the sine of its samples.
             let held_n = FORCE_N * Sampling { rate_hz: RATE_HZ, converter }.hold(frequency_hz);
             let response = read(&mut OpenLoop::new(profile, converter), converter, 0, |_, _| {});
             check(&response, held_n, bound, &format!("{converter:?} {frequency_hz}"));

@@ -15,6 +15,8 @@ const STEPPED: Waveform = Waveform::SteppedSine { from_hz: 20.0, to_hz: 25.0, st
 fn stepped_sine_runs_on_without_jumps() {
     let profile = Profile::new(&force(STEPPED), 1000.0).unwrap();
     let loads: Vec<f64> = (0..=profile.samples()).map(|n| profile.load(n).force_n.x).collect();
+    // The largest change of a sine of 10 N and 25 Hz within 1 ms. A jump of the phase between two steps would exceed
+    // it.
     let steepest = 10.0 * TAU * 25.0 / 1000.0;
     assert!(loads.windows(2).all(|pair| (pair[1] - pair[0]).abs() <= steepest * 1.001));
     assert_eq!((loads[0], *loads.last().unwrap()), (0.0, 0.0));
@@ -111,6 +113,8 @@ fn a_list_of_sines_is_played_in_its_order() {
     let list = |frequencies_hz| force(Waveform::SineList { frequencies_hz, dwell_s: 2.0, settle_s: 0.6 });
     let profile = Profile::new(&list(vec![25.0, 20.0, 20.5]), 1000.0).unwrap();
     let windows: Vec<_> = profile.windows().map(|window| (window.frequency_hz, window.first, window.end)).collect();
+    // A window begins when its sine has settled for 0.6 s. The last one ends 0.5 s early, where the whole profile
+    // ramps down.
     assert_eq!(windows, [(25.0, 600, 2000), (20.0, 2600, 4000), (20.5, 4600, 5500)]);
     assert_eq!(profile.samples(), 6000);
     let refusal = |frequencies_hz| Profile::new(&list(frequencies_hz), 1000.0).unwrap_err().to_string();

@@ -200,6 +200,7 @@ fn a_controller_that_lost_the_plant_faults() {
     let mut bench = Bench::new(10.0);
     bench.run(300);
     let exciter = bench.exciter.as_mut().unwrap();
+    // A controller waits for 350 ms for a sample (`HEARTBEAT_TIMEOUT_NS`). One tick more is beyond that for certain.
     for tick in 1..=351 {
         exciter.handle_deadline(bench.now_ns + tick * TICK_NS);
         while exciter.poll_transmit().is_some() {}
@@ -215,6 +216,7 @@ fn lost_repeated_and_corrupt_commands_do_no_harm() {
         if let Some(byte) = corrupt.last_mut() {
             *byte ^= 0x10;
         }
+        // Of seven frames one is lost, one comes twice, and one has a wrong bit in its last byte.
         match n % 7 {
             3 => Vec::new(),
             4 => alloc::vec![frame, frame],
@@ -245,6 +247,7 @@ fn armed_with(timing: Timing) -> (PlantNode, Transmitter) {
     for message in [hello, arm] {
         plant.handle_frame(0, &transmitter.frame(&message).unwrap());
     }
+    // An index that needs more than 16 bits: frames carry 70000 − 65536 = 4464.
     plant.publish(&PublishedSample::of(&Measurement { sample: 70_000, ..Measurement::default() })).unwrap();
     assert!(plant.is_armed());
     (plant, transmitter)
@@ -263,8 +266,10 @@ fn the_gate_refuses_by_name() {
     let refused = |refusal| Some(NodeEvent::Refused(refusal));
     assert_eq!(send(&mut plant, 5.0, now.wrapping_sub(3)), None);
     assert_eq!(send(&mut plant, 6.0, now.wrapping_sub(4)), refused(Refusal::OutOfOrder));
+    // Commands are valid for 20 ms, which are 20 samples at this rate.
     assert_eq!(send(&mut plant, 6.0, now.wrapping_sub(21)), refused(Refusal::Late));
     assert_eq!(send(&mut plant, 6.0, now.wrapping_add(1)), refused(Refusal::Late));
+    // The exciter has a limit of 600 N, and 0.02 N is one count of the frame.
     assert_eq!(send(&mut plant, 600.02, now), refused(Refusal::OutOfRange));
     assert_eq!((plant.load(), plant.is_answered()), (Load::force_n(5.0, 0.0), false));
     assert_eq!(send(&mut plant, 600.0, now), None);
@@ -281,11 +286,14 @@ fn nodes_that_do_not_fit_never_arm() {
         exciter.handle_frame(0, &frame);
     }
     let Some(ExciterOutcome::Faulted(emergency)) = exciter.outcome() else { panic!("{:?}", exciter.outcome()) };
+    // 4 is the number of a mismatch of the rates.
     assert_eq!((emergency.code, emergency.detail), (EmergencyCode::Incompatible, 4));
 
     let mut transmitter = Transmitter::new(Network::default());
     let hello = Message::ExciterHello(Hello::new(WireProfile::Classic, 2000));
     let arm = Message::Operator(OperatorCommand { request: OperatorRequest::Arm, target: NodeName::Plant });
+    // Neither before the hello nor behind it: first the plant does not know its partner, then it knows that the rates
+    // differ.
     for message in [arm, hello, arm] {
         plant.handle_frame(0, &transmitter.frame(&message).unwrap());
         assert_eq!(plant.state(), NodeState::PreOperational);

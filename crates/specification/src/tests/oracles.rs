@@ -54,6 +54,7 @@ fn generated(seed: u64, count: usize) -> Vec<f64> {
 fn densities() {
     for case in oracle()["psd"].as_array().unwrap() {
         let segments = case["K"].as_u64().unwrap() as usize;
+        // The oracle generates the same numbers by the same recursion, so that no samples are stored.
         let mut samples = generated(case["seed"].as_u64().unwrap(), 500 * (segments + 1));
         for (k, sample) in samples.iter_mut().enumerate() {
             *sample += 0.5 * libm::sin(core::f64::consts::TAU * 50.0 * k as f64 / 1000.0);
@@ -105,6 +106,7 @@ fn lines() {
     let names = [Verdict::Out, Verdict::Undecided, Verdict::In];
     for case in oracle()["line_verdict"].as_array().unwrap() {
         let ratio = libm::pow(10.0, 0.1 * number(case, "ratio_db"));
+        // The oracle has −1 for out, 0 for undecided and 1 for in.
         let expected = names[(case["verdict"].as_i64().unwrap() + 1) as usize];
         let found = line_verdict(ratio, number(case, "dof"), [number(case, "lo"), number(case, "hi")]);
         assert_eq!(found, expected, "{case}");
@@ -160,6 +162,8 @@ fn shock_response_spectra_and_velocity_changes() {
         ));
         let mut record = test.samples(rate_hz);
         near(record.iter().sum::<f64>() / rate_hz, number(case, "dv"), TOLERANCE);
+        // The oracle sums samples, which differs from the integral in closed form, most of all at the edge of a
+        // saw-tooth.
         near(test.velocity_change_m_s(), number(case, "dv"), 0.01);
         let frequencies = numbers(&case["fn"]);
         record.resize(record.len() + (0.05 * rate_hz + rate_hz / frequencies[0]) as usize, 0.0);

@@ -84,6 +84,7 @@ fn wrong_levels_are_found() {
     let mut found = [[0; 2]; 2];
     let mut perfect_in = 0;
     for seed in 0..RECORDS {
+        // Ten adjacent lines, about one in twenty: too few for the rms to show it.
         let high = |db: f64| move |line: usize| if (72..82).contains(&line) { libm::pow(10.0, 0.1 * db) } else { 1.0 };
         let wrong = [shaped(&wide, high(4.0), 120, seed), shaped(&wide, high(2.0), 120, seed)];
         for (k, seconds) in [60, 120].into_iter().enumerate() {
@@ -149,6 +150,7 @@ fn levels_beyond_the_full_one_are_out_and_missing_time_is_undecided() {
             other => panic!("{other:?}"),
         }
     };
+    // The record has 60 s. Up to 2 s may be unseen at each end of a stretch, so that 64 s are not missed for certain.
     assert_eq!([60.0, 64.0, 70.0].map(scheduled), [Verdict::In, Verdict::In, Verdict::Undecided]);
 }
 

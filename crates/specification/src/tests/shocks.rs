@@ -115,10 +115,12 @@ fn shock_response_spectra_are_judged_line_by_line() {
     assert_eq!((found.verdict, found.full, found.asked), (Verdict::In, 2, 2), "{:?}", found.shots);
     assert!(found.shots[0].lines.iter().all(|line| line.deviation_db.abs() < 0.1), "{found:?}");
     near(found.shots[0].t_s, 1.0, 0.1);
+    // 1.3 is 2.3 dB, below the upper tolerance of 3 dB.
     assert_eq!(judged(&[1.3, 1.3], 0.01).verdict, Verdict::In);
     // 3.5 dB: every line is above the tolerance of the nine tenths, none beyond that of the rest.
     let high = judged(&[1.5, 1.5], 0.01);
     assert_eq!((high.verdict, high.shots[0].shares[2]), (Verdict::Out, 1.0));
+    // 0.8 is −1.9 dB, below the lower tolerance of −1.5 dB.
     assert_eq!(judged(&[0.8, 0.8], 0.01).verdict, Verdict::Out);
     assert_eq!(judged(&[1.0], 0.01).verdict, Verdict::Undecided);
     assert_eq!((judged(&[0.25], 0.01).verdict, judged(&[0.25], 0.01).full), (Verdict::Out, 0));
@@ -163,6 +165,7 @@ fn a_test_begins_with_its_first_shot() {
 fn pulses_at_low_level_before_the_test_do_not_disturb_it() {
     let test = specified("shots = [{ level_db = -12, count = 1 }, { level_db = 0, count = 3 }]");
     let shot = test.compensated(RATE_HZ).unwrap().0;
+    // The lowest level is −12 dB, 0.25, and half of it makes a shot: 0.05 is none, 0.2 is one.
     for (pulse, shots) in [(0.05, 4), (0.2, 8)] {
         let record = record(&shot, &[pulse, pulse, pulse, pulse, 0.25, 1.0, 1.0, 1.0], 0.02);
         let found = judge_shock(&test, RATE_HZ, &record, Begin::Searched).unwrap();

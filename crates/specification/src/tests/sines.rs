@@ -101,6 +101,7 @@ fn wrong_amplitudes_are_out_by_their_share_of_the_time() {
 #[test]
 fn wrong_sweeps_are_out() {
     let test = specified("tolerance = 0.1\nrate_tolerance = 0.1");
+    // 12 % too fast, where 10 % are allowed. The amplitude is right all the same.
     let fast = judged(&test, &phases(4.0 * 1.12), |phase| 3.0 * libm::sin(phase), 0.01);
     assert_eq!((fast.verdict, fast.rate, fast.amplitude), (Verdict::Out, Some(Verdict::Out), Verdict::In));
     let linear: Vec<f64> =
@@ -145,6 +146,7 @@ fn up_and_down_are_two_sweeps_and_noise_is_none() {
     let found = judged(&test, &both, |phase| 3.0 * libm::sin(phase), 0.01);
     assert_eq!((found.passes.len(), found.verdict), (2, Verdict::In), "{:?}", found.passes);
     assert!(found.passes[0].to_hz > 50.0 && found.passes[1].to_hz < 18.0);
+    // No sinusoid at all: its phase must not be taken for a sweep.
     let noise = record(&up, |_| 0.0, 1.0);
     let error = judge_sine(&test, &Limits::default(), RATE_HZ, &noise, None, &[], Begin::Searched).unwrap_err();
     assert!(matches!(error, VerdictError::NoSweep { .. }), "{error}");
@@ -230,6 +232,7 @@ fn sweeps_before_the_test_are_left_out() {
     let test = specified("tolerance = 0.1\nrate_tolerance = 0.1");
     let whole = phases(4.0);
     let end = ((2.0 + test.sweep_s(15.0, 40.0)) * RATE_HZ) as usize;
+    // The second is whole and 12 dB too low: a sweep at low level, by which a structure is looked at.
     for first in [played(&whole[..end], 3.6), played(&whole, 0.75)] {
         let begins_s = first.len() as f64 / RATE_HZ + 34.0;
         let record = [first, before("multisine", 1), played(&whole, 3.0)].concat();

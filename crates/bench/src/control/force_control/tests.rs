@@ -94,6 +94,7 @@ fn the_force_is_kept_where_it_would_drop_out() {
         assert_eq!((points.len(), end), (4, Answer::Finished));
         for point in &points {
             assert!(point.settled && (point.load / 2.0 - 1.0).abs() < 5e-3, "{amplifier:?}: {point:?}");
+            // Nothing cancels the harmonics here. The bound only shows that they are read.
             assert!(point.distortion().is_some_and(|distortion| distortion < 0.2), "{point:?}");
         }
         if amplifier == Amplifier::Voltage {
@@ -166,6 +167,7 @@ fn a_harmonic_at_a_mode_is_never_called_cancelled_wrongly() {
         let (points, end) = play(&mut controller, &mut plant(Amplifier::Current));
         match end {
             Answer::Finished => assert!(!points[0].settled || points[0].distortion().unwrap() < 5e-3, "{points:?}"),
+            // A command that produces nothing in the head grows until the exciter has no more.
             end => assert!(matches!(end, Answer::Aborted(Abort::Load { .. })), "{end:?}"),
         }
     }
@@ -193,6 +195,7 @@ fn the_force_is_notched_where_the_tip_would_move_too_fast() {
     let mut notched = 0;
     for point in &points {
         assert!(point.settled && tip(point) < 2.0 * 1.004 && point.load < 2.0 * 1.004, "{point:?}");
+        // Force or acceleration is at its target, and neither is beyond.
         let is_notched = point.load < 2.0 * 0.996;
         let kept = if is_notched { tip(point) } else { point.load };
         assert!((kept / 2.0 - 1.0).abs() < 4e-3, "{point:?}");

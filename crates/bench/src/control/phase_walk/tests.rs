@@ -69,12 +69,15 @@ fn walks_over_the_resonance_and_again_after_a_restart() {
     assert!(plant.states().coordinates().iter().all(|alpha_rad| alpha_rad.abs() < 1e-3), "{:?}", plant.states());
     controller.restart();
     let mut fresh = self::plant(60.0, RigSpec::default());
+    // Bit for bit: a restart leaves nothing of the first walk. In particular the model of the backbone forgets its
+    // points.
     assert_eq!(walk(&mut controller, &mut fresh), (points, Answer::Finished));
 }
 
 #[test]
 fn a_clipped_reading_of_the_followed_point_ends_the_walk() {
     let mut deaf = RigSpec::default();
+    // Less than B reads at the resonance under 20 N·m.
     deaf.sensors.b.range = 300.0;
     let mut plant = plant(60.0, deaf);
     let mut controller = PhaseWalk::new(torque(20.0), known(&arm(60.0)), sampling(1000.0), 1600.0).unwrap();
@@ -97,6 +100,8 @@ fn commands_may_come_late() {
     let (points, end) = walked(3);
     let near = |point: &ResponsePoint| (point.load / 10.0 - 1.0).abs() < 1e-2;
     assert!(end == Answer::Finished && points.iter().all(near), "{end:?} {points:?}");
+    // Beyond the margin the loop is unstable: the walk has to end by itself, and must report no point of it as
+    // settled.
     let (points, end) = walked(14);
     assert!(end != Answer::Finished && !points.iter().any(|point| point.settled), "{end:?} {points:?}");
 }

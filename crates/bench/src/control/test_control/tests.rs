@@ -204,6 +204,7 @@ fn a_random_test_is_controlled_on_three_plants() {
         assert!(peak_n < most_n, "{name}: {peak_n}");
         // The time at full level is as specified, and the drive ends at zero within the ramp of 0.1 s.
         let seconds = full.len() as f64 / RATE_HZ;
+        // A hop has 0.51 s, and the level is played in whole hops, of which the first one is the transition.
         assert!((seconds - 120.0).abs() < 1.1, "{name}: {seconds}");
         assert_eq!(played.drive.len() - full.end, 100, "{name}");
         assert_eq!(control.length(), Length::Samples(played.drive.len() as u64), "{name}");

@@ -201,6 +201,7 @@ fn loads_act_while_it_is_armed_and_no_longer() {
     assert_eq!(force_n(rig.tick()), -5.0, "held");
     rig.send(DRIVE, 500, false);
     let ramp: Vec<f64> = (0..51).map(|_| force_n(rig.tick())).collect();
+    // −5 N over 50 samples, 0.1 N each.
     assert_eq!((ramp[0], ramp[48], ramp[49], ramp[50]), (-4.9, -0.1, 0.0, 0.0));
     assert_eq!(rig.node.state(), NodeState::PreOperational);
 }
@@ -227,6 +228,7 @@ fn silence_is_a_fault_and_only_a_new_request_arms_again() {
     let mut rig = Rig::new();
     rig.send(DRIVE, 500, true);
     let loads: Vec<f64> = (0..100).map(|_| force_n(rig.tick())).collect();
+    // The message is valid for 20 ms: sample 19 still has the whole load, and sample 99 is long behind the ramp.
     assert_eq!((loads[19], loads[99]), (10.0, 0.0));
     let fault = rig.node.latched_fault().unwrap();
     assert_eq!((fault.code, rig.sent.last().unwrap().data()[3]), (EmergencyCode::CommandTimeout, 7));
@@ -240,6 +242,7 @@ fn silence_is_a_fault_and_only_a_new_request_arms_again() {
         rig.send(DRIVE, 500, true);
         assert_eq!((force_n(rig.tick()), rig.node.state()), (0.0, NodeState::PreOperational), "enable is held");
     }
+    // The enable has to leave its value before it can arm again.
     rig.send(DRIVE, 500, false);
     rig.send(DRIVE, 500, true);
     assert_eq!((force_n(rig.tick()), rig.node.state()), (10.0, NodeState::Operational));
@@ -251,6 +254,7 @@ fn a_refused_load_does_not_keep_the_plant_alive() {
     rig.send(DRIVE, 500, true);
     for _ in 0..30 {
         rig.tick();
+        // 655 N, where the exciter has 100 N: the frame is good, its load is not.
         rig.send(DRIVE, i16::MAX, true);
     }
     let fault = rig.node.latched_fault().unwrap();
@@ -263,6 +267,7 @@ fn of_two_frames_in_a_sample_the_newest_acts() {
     rig.send(DRIVE, 500, true);
     rig.send(DRIVE, 250, true);
     assert_eq!(force_n(rig.tick()), 5.0);
+    // The frame that was replaced is counted, since no load of it ever acts.
     assert_eq!(rig.node.frames().overwritten, 1);
 }
 
@@ -280,6 +285,7 @@ fn of_a_burst_the_newest_acts_and_a_swapped_frame_is_refused() {
     [other, one].iter().for_each(|frame| rig.node.handle_frame(rig.now_ns, frame));
     assert_eq!((force_n(rig.tick()), rig.node.frames().refused), (40.0 * COUNT_N, 1));
     // Frames that are lost on the way are no fault, and commands count again as soon as the counter steps by one.
+    // Made and never sent: nine lost frames are more than the three that the protection allows.
     for _ in 0..9 {
         rig.frame(DRIVE, 0, true, false);
     }
@@ -324,6 +330,7 @@ fn commands_near_zero_arm_once_where_nothing_else_does() {
     rig.send(DRIVE, 500, false);
     rig.tick();
     assert_eq!(rig.node.state(), NodeState::PreOperational, "10 N is not near zero");
+    // 0.02 N, below a hundredth of the exciter's 100 N: it arms, and does not act.
     rig.send(DRIVE, 1, false);
     rig.tick();
     rig.send(DRIVE, 500, false);

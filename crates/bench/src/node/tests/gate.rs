@@ -66,10 +66,12 @@ fn a_jump_is_refused_until_the_command_timeout_and_a_slope_is_taken() {
         assert_eq!(driven.tick(0.0), Load::force_n(f64::from(n), -f64::from(n)));
     }
     // Two commands are lost: the third may change as much as they would have.
+    // From 5 to 8 N in the three periods since the last command.
     driven.run(2, 0.0);
     driven.force(8.0, -8.0);
     assert_eq!(driven.tick(0.0), Load::force_n(8.0, -8.0));
     for _ in 0..19 {
+        // 1.1 N in a sample period, where 1 N is allowed. A command that is rejected gives the next one no more time.
         driven.force(8.0, -6.9);
         assert_eq!(driven.plant.load(), Load::force_n(8.0, -8.0));
         driven.run(1, 0.0);
@@ -111,6 +113,7 @@ fn a_torque_in_place_of_a_force_changes_both() {
     let torque =
         |torque1_nm, sample| Message::Torque(resonarm_protocol::TorqueCommand { torque1_nm, torque2_nm: 0.0, sample });
     let sample = driven.sample as u16;
+    // 2 N·m may come in a period, and the force of 1 N go.
     driven.send(&torque(2.05, sample));
     assert_eq!(driven.tick(0.0), Load::force_n(1.0, 0.0));
     driven.send(&torque(-2.0, sample + 1));
@@ -131,6 +134,7 @@ fn the_first_command_after_arming_starts_from_the_load_that_still_ramps() {
     assert!(driven.plant.is_armed());
     driven.force(0.0, 0.0);
     assert_eq!(driven.plant.refusals().last(), Some(Refusal::RateOfChange));
+    // 50 N have ramped for 11 of 50 samples.
     let held = driven.tick(0.0);
     assert_eq!(held, Load::force_n(39.0, 0.0));
     driven.force(38.0, 0.0);
@@ -172,6 +176,8 @@ fn beyond_the_travel_a_command_trips_the_exciter() {
 fn beyond_the_travel_without_commands_the_command_timeout_runs() {
     let mut driven = Driven::new();
     driven.force(1.0, 0.0);
+    // The travel is far too large, but without a command nothing drives the structure further: the timeout of 20 ms
+    // ends it.
     driven.run(21, 1.0);
     assert_eq!(driven.plant.latched_fault().map(|fault| fault.code), Some(EmergencyCode::CommandTimeout));
 }

@@ -44,6 +44,7 @@ fn an_older_or_repeated_index_is_ignored_and_counted() {
 #[test]
 fn lost_samples_move_the_profile_on() {
     let (mut exciter, mut plant) = playing();
+    // The index wraps at 65536: from 65530 to 4 it is ten samples, of which nine are missing.
     for index in [65_530, 4, 5] {
         sample(&mut exciter, &mut plant, index);
     }

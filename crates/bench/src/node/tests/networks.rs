@@ -14,6 +14,7 @@ fn the_fd_profile_plays_from_arming_to_disarming() {
     bench.run(600);
     assert_eq!(bench.outcome(), Some(ExciterOutcome::Finished));
     let expected = profile(0.5);
+    // The FD profile carries loads in single precision.
     let single = |n: u64| f64::from(expected.load(n).force_n.x as f32);
     let seen = bench.loads.iter().map(|load| load.force_n.x).skip_while(|force| *force == 0.0);
     let wanted = (0..expected.samples()).map(single).skip_while(|force| *force == 0.0);
@@ -34,6 +35,7 @@ fn a_sample_of_the_fd_profile_is_one_frame_with_every_reading() {
     };
     plant.publish(&PublishedSample::of(&measurement)).unwrap();
     let frame = plant.poll_transmit().unwrap();
+    // The classic profile would have three frames.
     assert_eq!(plant.poll_transmit(), None);
     assert!(matches!(frame.format(), FrameFormat::Fd { bit_rate_switch: true, .. }));
     let Ok(Some(Message::Sensors(sensors))) = Receiver::new(fd()).accept(&frame) else { panic!("{frame}") };
@@ -73,6 +75,7 @@ fn two_samples_go_in_a_frame_once_armed() {
     let expected = profile(0.5);
     let singles: Vec<f64> = (0..expected.samples()).map(|n| f64::from(expected.load(n).force_n.x as f32)).collect();
     for pair in held.chunks_exact(2).take(200) {
+        // One answer to two samples is held for both.
         assert_eq!(pair[0], pair[1]);
         assert!(singles.contains(&pair[0]));
     }
@@ -166,6 +169,8 @@ fn benches_side_by_side_do_not_disturb_each_other() {
     assert!(crowd.exciters.iter().all(|exciter| exciter.outcome() == Some(ExciterOutcome::Finished)));
     assert!(crowd.plants.iter().all(|plant| plant.frames().refused == 0 && plant.refusals().total() == 0));
     assert_eq!(crowd.loads[0], alone.loads[0]);
+    // The second network plays the same profile. The third has single precision, so that its loads differ by
+    // rounding.
     assert_eq!(crowd.loads[1], alone.loads[0]);
     assert!(alone.loads[0].iter().any(|load| load.force_n.x > 10.0));
 }
@@ -188,6 +193,7 @@ fn a_second_exciter_is_found_by_both_and_the_load_goes_to_zero() {
     crowd.run(5);
     assert_eq!(crowd.faults()[1..], [Some(EmergencyCode::SecondSender); 2]);
     assert!(!crowd.plants[0].is_armed());
+    // The ramp takes 50 samples.
     crowd.run(60);
     assert_eq!(crowd.loads[0].last(), Some(&Load::default()));
 }

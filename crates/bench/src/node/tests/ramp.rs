@@ -33,6 +33,7 @@ fn arming_during_the_ramp_lets_it_continue_until_the_first_command() {
     send(&mut plant, &mut transmitter, force(50.0, 4464));
     assert_eq!(forces(&mut plant, 1), [50.0]);
     send(&mut plant, &mut transmitter, operator(OperatorRequest::Disarm));
+    // A ramp of 50 ms takes 50 samples at this rate, so that 50 N fall by 1 N a sample.
     assert_eq!(forces(&mut plant, 2), [49.0, 48.0]);
     send(&mut plant, &mut transmitter, operator(OperatorRequest::Arm));
     assert!(plant.is_armed());
@@ -74,6 +75,7 @@ fn a_plant_that_leaves_announces_it_disarms_and_ramps() {
     let (mut plant, mut transmitter) = armed();
     send(&mut plant, &mut transmitter, force(50.0, 4464));
     messages(&mut plant);
+    // The second call must not announce it again.
     plant.leave(0);
     plant.leave(0);
     let leaving = Emergency { node: NodeName::Plant, code: EmergencyCode::Leaving, detail: 50, sample: 4464 };
@@ -141,6 +143,7 @@ fn an_armed_plant_disarms_with_a_ramp_when_its_controller_only_announces_that_it
 fn a_slip_is_reported_and_counted_and_is_no_fault() {
     let mut bench = Bench::new(0.5);
     bench.run(100);
+    // A stall of the plant: its schedule moves, and no sample is missing in its numbering.
     bench.now_ns += 150 * TICK_NS;
     bench.plant.slip(150);
     bench.run(20);

@@ -7,6 +7,7 @@ fn a_plant_that_was_stopped_does_not_fault_its_controller() {
     let mut bench = Bench::new(2.0);
     bench.run(300);
     for _ in 0..5 {
+        // Fifteen times the timeout of commands: by the clock alone the plant would fault.
         bench.now_ns += 300 * TICK_NS;
         bench.run(50);
         assert!(bench.plant.is_armed());
@@ -19,6 +20,7 @@ fn a_controller_that_was_stopped_does_not_take_its_own_silence_for_the_plants() 
     let mut bench = Bench::new(2.0);
     bench.run(300);
     let exciter = bench.exciter.as_mut().unwrap();
+    // Longer than the 350 ms for which it waits, but it was the controller that did not listen.
     exciter.handle_deadline(bench.now_ns + 400 * TICK_NS);
     assert_eq!(exciter.outcome(), None);
 }

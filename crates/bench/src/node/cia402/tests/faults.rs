@@ -24,10 +24,13 @@ fn silence_of_one_drive_stops_both() {
     assert_eq!(bench.node.state(), NodeState::Fault);
     assert_eq!(bench.node.latched_fault().map(|fault| fault.code), Some(EmergencyCode::CommandTimeout));
     let sent = bench.sent();
+    // Emergency of nodes 1 and 2: error code 8250, low byte first, and the register 11 of a communication error.
     for start in ["081#508211", "082#508211"] {
         assert_eq!(sent.iter().filter(|frame| frame.starts_with(start)).count(), 1, "{sent:?}");
     }
     for node in NODES {
+        // CiA 402: 0F under the mask 4F is a fault reaction in progress, 08 the fault behind it, 40 switch on
+        // disabled.
         assert_eq!(bench.statusword(node) & 0x4F, 0x0F, "the torque goes to zero");
         assert_eq!((bench.read(node, 0x603F), bench.read(node, 0x1001)), (0x8250, 0x11));
     }
@@ -78,6 +81,7 @@ fn refused_targets_are_no_sign_of_life() {
 
 #[test]
 fn network_management_switches_drives_off() {
+    // CiA 301: stop, enter pre-operational, reset the node, reset its communication.
     for command in [0x02, 0x80, 0x81, 0x82] {
         let mut bench = Bench::new(1, TimeBase::Clock);
         bench.enable(&[1]);

@@ -123,6 +123,7 @@ impl Bench {
     fn write(&mut self, node: u8, index: u16, bytes: &[u8]) -> Result<(), u32> {
         let [low, high] = index.to_le_bytes();
         let mut request = [0x23 | ((4 - bytes.len()) as u8) << 2, low, high, 0, 0, 0, 0, 0];
+        // An expedited download states in bits 2 and 3 how many of its four bytes are empty.
         request[4..4 + bytes.len()].copy_from_slice(bytes);
         let answer = self.sdo(node, request);
         if answer[0] == 0x60 { Ok(()) } else { Err(number(&answer)) }

@@ -36,6 +36,7 @@ fn a_doubled_command_is_a_fault_as_it_shifts_all_later_ones() {
     assert_eq!(rig.refusals(Refusal::Repeated), 1);
     let mut rig = two(Lockstep::Command);
     rig.send(SECOND, 100, true);
+    // The first of these completes the answer, and the second would answer a sample that is still to come.
     rig.send(DRIVE, 100, true);
     rig.send(DRIVE, 100, true);
     assert_eq!(rig.node.latched_fault().unwrap().code, EmergencyCode::SampleSequence, "after the answer");
