@@ -27,7 +27,7 @@ impl Instance {
 
     /// Returns the error for a variable whose value a function for a type that no variable has asks for.
     pub fn refused_type(&self, reference: u32) -> Fault {
-        self.any_variable(reference).map_or_else(|fault| fault, |variable| wrong_type(variable))
+        self.any_variable(reference).map_or_else(|fault| fault, wrong_type)
     }
 
     pub(super) fn expect_readable(&self) -> Result<(), Fault> {
