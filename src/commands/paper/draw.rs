@@ -125,7 +125,7 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
 /// Returns the points of one stability, with gaps between their intervals.
 fn stretches(branch: &ForcedBranch, panel: &Panel, stable: bool) -> Vec<(f64, f64)> {
     let at = |orbit: &PaperOrbit| (abscissa(panel, orbit), branch.size(orbit, panel.reading - 1));
-    analysis::stretches(&branch.orbits, PaperOrbit::stable, stable, at)
+    analysis::stretches(&branch.orbits, |orbit| orbit.is_stable, stable, at)
 }
 
 /// A maximum between samples is a zone's peak if it reaches this fraction of the highest sample.

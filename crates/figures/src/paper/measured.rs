@@ -36,7 +36,7 @@ pub enum MeasuredError {
         /// Name of the document.
         origin: String,
         /// Error in the structure.
-        source: StructureSectionError,
+        source: Box<StructureSectionError>,
     },
     /// The measured structure has no tip that is driven along x.
     #[error("{origin}: the structure has no degree of freedom {name}; it has {known}")]
@@ -208,7 +208,8 @@ impl MeasuredZones {
         });
         let section = StructureSection::from_document(stated)
             .map_err(|source| MeasuredError::Parse { origin: name(), source })?;
-        let structure = section.assembly().map_err(|source| MeasuredError::Structure { origin: name(), source })?;
+        let invalid = |source| MeasuredError::Structure { origin: name(), source: Box::new(source) };
+        let structure = section.assembly().map_err(invalid)?;
         let read = read_at(&document.zones);
         let known = structure.dof_names();
         if let Some(absent) = read.iter().find(|name| !known.contains(name)) {
