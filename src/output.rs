@@ -171,11 +171,13 @@ pub(crate) struct PlotFlags {
 /// Help of --plot, unless a command [`explains`](explained) it by a text of its own.
 pub(crate) const PLOT: &str = "Plot to STEM.svg and STEM.png, with caption, CSV and JSON";
 
-/// Returns the flag --plot with a command's help, to which the long help adds `more`.
-pub(crate) fn explained(help: &'static str, more: &'static str) -> impl FnOnce(Arg) -> Arg {
-    move |plot| match more {
-        "" => plot.help(help),
-        more => plot.help(help).long_help(format!("{help}.\n\n{more}")),
+/// Returns what gives the flag --plot a command's help, to which the long help adds `more`, for `mut_args`.
+// `mut_arg` would put the flag behind all others, as scripts of completion then list it.
+pub(crate) fn explained(help: &'static str, more: &'static str) -> impl Fn(Arg) -> Arg {
+    move |arg| match more {
+        _ if arg.get_id() != "plot" => arg,
+        "" => arg.help(help),
+        more => arg.help(help).long_help(format!("{help}.\n\n{more}")),
     }
 }
 

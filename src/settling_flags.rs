@@ -19,10 +19,7 @@ use resonarm_figures::plot::{Figure, beside};
 
 /// The structure, its excitation and initial state, how long to wait, and where the results go.
 #[derive(Clone, Debug, Args)]
-#[command(mut_arg(
-    "plot",
-    output::explained(output::PLOT, "A command that was stopped resumes from STEM.partial.jsonl.")
-))]
+#[command(mut_args(output::explained(output::PLOT, "A command that was stopped resumes from STEM.partial.jsonl.")))]
 pub(crate) struct SettlingFlags {
     #[command(flatten)]
     pub structure: StructureFlags,

@@ -45,13 +45,10 @@ A curve that ends early is printed as far as it came; standard error says why, a
 /// a chain; the amplitude of a load may be left out, and the curve then ends at --to.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
-#[command(mut_arg(
-    "plot",
-    output::explained(
-        output::PLOT,
-        "If an amplitude of the excitation is given, the forced response is drawn, too; its data are in STEM-response.csv."
-    )
-))]
+#[command(mut_args(output::explained(
+    output::PLOT,
+    "If an amplitude of the excitation is given, the forced response is drawn, too; its data are in STEM-response.csv."
+)))]
 pub(crate) struct Backbone {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,

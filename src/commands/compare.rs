@@ -47,13 +47,10 @@ Examples:
 /// The points are those of a document of `experiment walk`, of any other with the same keys, or of a recording.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
-#[command(mut_arg(
-    "plot",
-    output::explained(
-        "Plot the points over the branch to STEM.svg and STEM.png",
-        "The deviations are in STEM.csv and STEM.json."
-    )
-))]
+#[command(mut_args(output::explained(
+    "Plot the points over the branch to STEM.svg and STEM.png",
+    "The deviations are in STEM.csv and STEM.json."
+)))]
 pub(crate) struct Compare {
     /// JSON document with the points, - for standard input; or a recording, an MCAP file.
     #[arg(value_name = "FILE")]

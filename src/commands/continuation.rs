@@ -56,10 +56,10 @@ A walk that ends early prints what it found, says why on standard error, and end
 /// structure.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
-#[command(mut_arg(
-    "plot",
-    output::explained(output::PLOT, "The curves of --curves-in are in STEM-curves.svg and STEM-curves.png.")
-))]
+#[command(mut_args(output::explained(
+    output::PLOT,
+    "The curves of --curves-in are in STEM-curves.svg and STEM-curves.png."
+)))]
 pub(crate) struct Continue {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,

@@ -26,10 +26,7 @@ use resonarm_numeric::number::short;
 /// CSV has a line for each frequency, with modulus and phase; JSON has complex values, [real, imaginary]. Every
 /// response names its unit. With --plot both go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
-#[command(mut_arg(
-    "plot",
-    output::explained(output::PLOT, "Standard output then lists the files in place of the CSV.")
-))]
+#[command(mut_args(output::explained(output::PLOT, "Standard output then lists the files in place of the CSV.")))]
 pub(crate) struct Frf {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,

@@ -31,14 +31,11 @@ use resonarm_numeric::number::short;
 /// With --over it prints CSV, a line for each value; shapes are normalised to unit modal mass. With --plot CSV and JSON
 /// go to files beside the figure, and standard output lists them.
 #[derive(Debug, Args)]
-#[command(mut_arg(
-    "plot",
-    output::explained(
-        "Plot the natural frequencies over the parameter to STEM.svg and STEM.png, with caption, CSV and JSON",
-        ""
-    )
-))]
-#[command(mut_arg("plot", |plot| plot.requires("over")))]
+#[command(mut_args(output::explained(
+    "Plot the natural frequencies over the parameter to STEM.svg and STEM.png, with caption, CSV and JSON",
+    ""
+)))]
+#[command(mut_args(|arg| if arg.get_id() == "plot" { arg.requires("over") } else { arg }))]
 pub(crate) struct Modes {
     #[command(flatten)]
     pub(crate) structure: StructureFlags,

@@ -46,10 +46,7 @@ docs/specifications.md lists the keys of a specification.";
 /// more of it, or of the bus, than they can carry.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
-#[command(mut_arg(
-    "plot",
-    output::explained("Plot the levels to STEM.svg and STEM.png, with caption, CSV and JSON", "")
-))]
+#[command(mut_args(output::explained("Plot the levels to STEM.svg and STEM.png, with caption, CSV and JSON", "")))]
 pub(crate) struct Spec {
     /// Specification, a TOML file, or the name of a preset.
     file: Option<PathBuf>,

@@ -32,13 +32,10 @@ use resonarm_numeric::number::short;
 /// sines up and down at controlled force. The measurement goes through shaker, impedance head, frames and
 /// accelerometers, with the force's harmonics 2 and 3 cancelled. All results are compared with the computed response.
 #[derive(Debug, Args)]
-#[command(mut_arg(
-    "plot",
-    output::explained(
-        "Plot everything to STEM.svg and STEM.png",
-        "The caption is in STEM.txt, the data are in STEM.csv and STEM.json."
-    )
-))]
+#[command(mut_args(output::explained(
+    "Plot everything to STEM.svg and STEM.png",
+    "The caption is in STEM.txt, the data are in STEM.csv and STEM.json."
+)))]
 pub(crate) struct Fig9 {
     #[command(flatten)]
     session: SessionFlags,

@@ -48,13 +48,10 @@ const SHAKER: &str = "shaker";
 /// lag of the response behind the load goes from 10° to 170°. Displacements are computed from the accelerometers.
 #[derive(Debug, Args)]
 #[command(after_long_help = EXAMPLES)]
-#[command(mut_arg(
-    "plot",
-    output::explained(
-        "Plot the points over the computed branch to STEM.svg and STEM.png",
-        "The caption is in STEM.txt, the data are in STEM.csv and STEM.json."
-    )
-))]
+#[command(mut_args(output::explained(
+    "Plot the points over the computed branch to STEM.svg and STEM.png",
+    "The caption is in STEM.txt, the data are in STEM.csv and STEM.json."
+)))]
 pub(crate) struct WalkExperiment {
     #[command(flatten)]
     session: SessionFlags,

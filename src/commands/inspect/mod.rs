@@ -19,13 +19,10 @@ use resonarm_figures::plot::Figure;
 ///
 /// If it is not whole, the exit code is 1.
 #[derive(Debug, Args)]
-#[command(mut_arg(
-    "plot",
-    output::explained(
-        "Plot angles, load and readings over time to STEM.svg and STEM.png",
-        "The caption is in STEM.txt."
-    )
-))]
+#[command(mut_args(output::explained(
+    "Plot angles, load and readings over time to STEM.svg and STEM.png",
+    "The caption is in STEM.txt."
+)))]
 pub(crate) struct Inspect {
     /// Recording, an MCAP file.
     file: PathBuf,
