@@ -23,6 +23,15 @@ IN_ORDER = """[...document.querySelectorAll('section')].every((section) => {
 })"""
 
 
+def test_every_event_that_the_documents_name_has_words():
+    """Without words the page shows the name in the recording, which a reader has to look up."""
+    root = Path(__file__).parents[2]
+    section = (root / "docs/recording.md").read_text().partition("### Events")[2].partition("###")[0]
+    names = re.findall(r"`([a-z]+\.[a-z_.]+)`", section)
+    words = (root / "crates/live/src/page/events.js").read_text()
+    assert len(names) > 8 and [name for name in names if f'"{name}":' not in words] == []
+
+
 def colours_of_png(content):
     """The different colours of a picture of 8 bits a channel, by a reader of a few lines."""
     assert content[:8] == b"\x89PNG\r\n\x1a\n"

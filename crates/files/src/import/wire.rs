@@ -244,10 +244,12 @@ fn rows(
     let carries = |message: &Outgoing, of: Value| {
         message.signals.iter().any(|signal| matches!(signal.source, Source::Value { value, .. } if value == of))
     };
+    // A message without a bit of its own is not marked: more messages than bits are refused below.
+    let bit = |order: usize| 1_u64.checked_shl(order as u32).unwrap_or(0);
     let (mut needed, mut missing) = (0, Vec::new());
     for (place, channel) in channels.iter().enumerate() {
         match readers.iter().position(|reader| carries(&reader.message, value(place))) {
-            Some(order) => needed |= 1_u64 << order,
+            Some(order) => needed |= bit(order),
             None => {
                 let is_carried = mapping.outgoing.iter().any(|message| carries(message, value(place)));
                 missing.push(Missing { channel: channel.name, is_carried });
@@ -255,7 +257,7 @@ fn rows(
         }
         let clips = readers.iter().position(|reader| carries(&reader.message, Value::Clipped(place)));
         if let (Some(order), Kind::Reading { .. }) = (clips, channel.kind) {
-            needed |= 1_u64 << order;
+            needed |= bit(order);
         }
     }
     // Beyond as many messages as there are bits.
