@@ -327,8 +327,8 @@ fn a_fault_is_reported() {
 #[test]
 fn clipped_readings_are_reported() {
     let folder = tempfile::tempdir().unwrap();
+    // Without a resolution a clipped reading is the range itself, in all digits.
     let scenario = "
-        // Without a resolution a clipped reading is the range itself, in all digits.
         rig = { sensors.b = { range_m_s2 = 0.5, resolution_m_s2 = 0.0 } }
         [excitation]
         amplitude = { exciter_x = 300.0 }
