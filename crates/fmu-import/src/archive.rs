@@ -1,6 +1,5 @@
 //! The archive of an FMU: what is in it, and its files in a folder of an instance.
 
-use core::fmt::{self, Display};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{Cursor, Read, Write};
@@ -38,26 +37,14 @@ pub struct Archive {
     entries: BTreeMap<String, usize>,
 }
 
-impl fmt::Debug for Archive {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl core::fmt::Debug for Archive {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_list().entries(self.entries.keys()).finish()
     }
 }
 
-fn refused(reason: String) -> ImportError {
-    ImportError::Archive { reason }
-}
-
-fn of_zip(error: impl Display) -> ImportError {
-    refused(format!("not a ZIP archive, as an FMU is: {error}"))
-}
-
-fn too_large(name: &str, most: u64) -> ImportError {
-    let most_mb = most / 1_000_000;
-    refused(format!(
-        "the archive unpacks to more than {most_mb} MB, at `{name}`: an FMU may have 2000 MB, and no more than 100 MB and 100 \
-         times the size of its archive; pack its resources less densely if it really has so many"
-    ))
+fn of_zip(error: impl ToString) -> ImportError {
+    ImportError::Zip { reason: error.to_string() }
 }
 
 /// The most bytes to which an archive of `packed` bytes may unpack.
@@ -75,18 +62,13 @@ impl Archive {
     pub fn read(packed: Vec<u8>) -> Result<Archive, ImportError> {
         let mut zip = ZipArchive::new(Cursor::new(&packed[..])).map_err(of_zip)?;
         if zip.len() > MOST_ENTRIES {
-            let hint = "put the files of a large folder into one archive among its resources";
-            return Err(refused(format!(
-                "the archive has {} entries: at most {MOST_ENTRIES} are read; {hint}",
-                zip.len()
-            )));
+            return Err(ImportError::Entries { got: zip.len(), most: MOST_ENTRIES });
         }
-        let most_unpacked = most_unpacked(packed.len());
-        let mut left = most_unpacked;
+        let mut left = most_unpacked(packed.len());
+        let most_mb = left / 1_000_000;
         let mut entries = BTreeMap::new();
         let mut description = None;
         for index in 0..zip.len() {
-            // Raw, since nothing is decompressed here: names and stated sizes are in the head of the entry.
             let entry = zip.by_index_raw(index).map_err(of_zip)?;
             let name = String::from_utf8_lossy(entry.name_raw()).into_owned();
             check_name(&name, entry.unix_mode())?;
@@ -96,24 +78,21 @@ impl Archive {
                 continue;
             }
             // The size that an entry states need not be true: `unpack` counts again.
-            left = left.checked_sub(entry.size()).ok_or_else(|| too_large(&name, most_unpacked))?;
+            left = left.checked_sub(entry.size()).ok_or(ImportError::TooLarge { name: name.clone(), most_mb })?;
             if is_description {
                 description = Some(index);
             } else {
                 entries.insert(name, index);
             }
         }
-        let none = || refused(format!("no `{DESCRIPTION}` in the archive: it is no FMU"));
-        let index = description.ok_or_else(none)?;
-        let most = MOST_DESCRIPTION.min(most_unpacked);
+        let index = description.ok_or(ImportError::NoFile { name: DESCRIPTION })?;
+        let most = MOST_DESCRIPTION.min(most_unpacked(packed.len()));
         let mut text = Vec::new();
-        // One byte more than is allowed, to tell a text of exactly this length from a longer one.
         zip.by_index(index).map_err(of_zip)?.take(most + 1).read_to_end(&mut text).map_err(of_zip)?;
         if text.len() as u64 > most {
-            return Err(too_large(DESCRIPTION, most));
+            return Err(ImportError::TooLarge { name: DESCRIPTION.into(), most_mb: most / 1_000_000 });
         }
-        let not_utf8 = |_| ImportError::Description { reason: "it is not UTF-8".into() };
-        let description = String::from_utf8(text).map_err(not_utf8)?;
+        let description = String::from_utf8(text).map_err(|_| ImportError::Xml { reason: "it is not UTF-8".into() })?;
         Ok(Archive { packed: Arc::new(packed), description, entries })
     }
 
@@ -133,8 +112,7 @@ impl Archive {
             .filter_map(|name| name.split('/').nth(1).filter(|_| name.starts_with("binaries/")))
             .collect();
         has.dedup();
-        let has = if has.is_empty() { "has no libraries".to_owned() } else { format!("is for {}", has.join(", ")) };
-        Err(ImportError::Unsuitable { reason: format!("no `{expected}` in the FMU: it {has}") })
+        Err(ImportError::Platform { expected: expected.to_owned(), has: has.join(", ") })
     }
 
     /// Unpacks the libraries for `platform`, as the folder among `binaries` is called, and the resources into `folder`,
@@ -145,14 +123,12 @@ impl Archive {
     pub fn unpack(&self, platform: &str, folder: &Path) -> Result<(), ImportError> {
         let failed = |error: std::io::Error| ImportError::Unpack { reason: error.to_string() };
         let binaries = format!("binaries/{platform}/");
-        // Made for an FMU without resources, too: its instantiation names the folder in any case.
         fs::create_dir_all(folder.join("resources")).map_err(failed)?;
         let mut zip = ZipArchive::new(Cursor::new(&self.packed[..])).map_err(of_zip)?;
         let most = most_unpacked(self.packed.len());
         let mut left = most;
         let mut buffer = vec![0; 1 << 16];
         for (name, index) in &self.entries {
-            // Libraries for other platforms can have hundreds of megabytes, and nothing loads them.
             if name.starts_with("binaries/") && !name.starts_with(&binaries) {
                 continue;
             }
@@ -163,12 +139,13 @@ impl Archive {
             let mut file = File::create(&path).map_err(failed)?;
             let mut entry = zip.by_index(*index).map_err(of_zip)?;
             loop {
-                // Counted as it is decompressed: an entry that understates its size is stopped before the disk is full.
                 let got = entry.read(&mut buffer).map_err(of_zip)?;
                 if got == 0 {
                     break;
                 }
-                left = left.checked_sub(got as u64).ok_or_else(|| too_large(name, most))?;
+                left = left
+                    .checked_sub(got as u64)
+                    .ok_or_else(|| ImportError::TooLarge { name: name.clone(), most_mb: most / 1_000_000 })?;
                 file.write_all(&buffer[..got]).map_err(failed)?;
             }
         }
@@ -183,11 +160,9 @@ fn check_name(name: &str, unix_mode: Option<u32>) -> Result<(), ImportError> {
     const FOLDER: u32 = 0o040_000;
     const LINK: u32 = 0o120_000;
     const REGULAR: u32 = 0o100_000;
-    // Archives that were not made on Unix state no mode, and other tools leave out the bits of the kind: both give 0.
     let kind = unix_mode.map_or(0, |mode| mode & KIND);
     let what = if name.starts_with('/') || name.get(1..2) == Some(":") {
         "is absolute"
-    // A backslash separates folders on Windows, so that `..` may stand between two of them as well.
     } else if name.split(['/', '\\']).any(|part| part == "..") {
         "leads out of its folder"
     } else if name.contains(['\\', '\0']) {
@@ -199,6 +174,5 @@ fn check_name(name: &str, unix_mode: Option<u32>) -> Result<(), ImportError> {
     } else {
         return Ok(());
     };
-    let hint = "names must stay within the FMU; nothing of it is unpacked";
-    Err(refused(format!("`{name}` in the archive {what}: {hint}")))
+    Err(ImportError::Name { name: name.to_owned(), what })
 }

@@ -71,20 +71,12 @@ fn child<'a, 'i>(node: &Node<'a, 'i>, name: &'static str) -> Option<Node<'a, 'i>
     node.children().find(|child| child.has_tag_name(name))
 }
 
-fn attribute<'a>(node: &Node<'a, '_>, name: &str) -> Result<&'a str, ImportError> {
-    node.attribute(name).ok_or_else(|| invalid(format!("<{}> has no {name}", node.tag_name().name())))
-}
-
-fn invalid(reason: impl Into<String>) -> ImportError {
-    ImportError::Description { reason: reason.into() }
-}
-
-fn unsuitable(reason: String) -> ImportError {
-    ImportError::Unsuitable { reason }
+fn attribute<'a>(node: &Node<'a, '_>, name: &'static str) -> Result<&'a str, ImportError> {
+    let lacks = || ImportError::Lacks { element: node.tag_name().name().to_owned(), attribute: name };
+    node.attribute(name).ok_or_else(lacks)
 }
 
 fn is_true(node: &Node<'_, '_>, name: &str) -> bool {
-    // A truth value of XML Schema has two spellings.
     node.attribute(name).is_some_and(|text| matches!(text, "true" | "1"))
 }
 
@@ -93,30 +85,28 @@ impl Description {
     pub fn parse(text: &str) -> Result<Description, ImportError> {
         let options = ParsingOptions { nodes_limit: MOST_NODES, ..ParsingOptions::default() };
         let document = Document::parse_with_options(text, options);
-        let document = document.map_err(|error| invalid(error.to_string()))?;
+        let document = document.map_err(|error| ImportError::Xml { reason: error.to_string() })?;
         let root = document.root_element();
         if !root.has_tag_name("fmiModelDescription") {
-            return Err(invalid(format!("the element <{}> in place of <fmiModelDescription>", root.tag_name().name())));
+            let reason = format!("the element <{}> in place of <fmiModelDescription>", root.tag_name().name());
+            return Err(ImportError::Xml { reason });
         }
         let version = match attribute(&root, "fmiVersion")? {
             "2.0" => Version::Fmi2,
             "3.0" => Version::Fmi3,
-            got => return Err(unsuitable(format!("fmiVersion is `{got}`: FMUs of FMI 2.0 and 3.0 are taken"))),
+            got => return Err(ImportError::Version { got: got.to_owned() }),
         };
         let simulation = child(&root, "CoSimulation").ok_or_else(|| {
             let others = ["ModelExchange", "ScheduledExecution"];
             let has: Vec<&str> = others.into_iter().filter(|name| child(&root, name).is_some()).collect();
-            let has = if has.is_empty() { "nothing".into() } else { has.join(" and ") };
-            unsuitable(format!("the FMU has no co-simulation, only {has}: export it for co-simulation"))
+            ImportError::NoCoSimulation { has: if has.is_empty() { "nothing".into() } else { has.join(" and ") } }
         })?;
         if is_true(&simulation, "needsExecutionTool") {
-            let reason = "the FMU needs its tool to run (needsExecutionTool): export one that runs alone";
-            return Err(unsuitable(reason.into()));
+            return Err(ImportError::NeedsTool);
         }
-        // FMI 3.0 has renamed the attribute.
         let token = if version == Version::Fmi2 { "guid" } else { "instantiationToken" };
         let own_step = simulation.attribute("fixedInternalStepSize");
-        let own_step_s = own_step.map(step_size).transpose()?;
+        let own_step_s = own_step.map(|text| positive("CoSimulation", "fixedInternalStepSize", text)).transpose()?;
         let identifier = attribute(&simulation, "modelIdentifier")?;
         check_identifier(identifier)?;
         Ok(Description {
@@ -142,21 +132,20 @@ fn check_identifier(got: &str) -> Result<(), ImportError> {
     if !got.is_empty() && !got.starts_with('.') && is_word(got) {
         return Ok(());
     }
-    let expected = "it must be a name of letters, digits and _";
-    Err(invalid(format!("modelIdentifier of `CoSimulation` is `{got}`: {expected}")))
+    let (of, got) = (String::from("CoSimulation"), got.to_owned());
+    Err(ImportError::Attribute { of, attribute: "modelIdentifier", got, expected: "a name of letters, digits and _" })
 }
 
-fn step_size(got: &str) -> Result<f64, ImportError> {
-    let number = got.trim().parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    let expected = "it must be a positive number";
-    number.ok_or_else(|| invalid(format!("fixedInternalStepSize of `CoSimulation` is `{got}`: {expected}")))
+fn positive(of: &str, attribute: &'static str, text: &str) -> Result<f64, ImportError> {
+    let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    let (of, got) = (of.to_owned(), text.to_owned());
+    number.ok_or(ImportError::Attribute { of, attribute, got, expected: "a positive number" })
 }
 
 /// Units of types, by the name of the type.
 fn types<'a>(root: &Node<'a, '_>) -> BTreeMap<&'a str, (Option<&'a str>, bool)> {
     let all = child(root, "TypeDefinitions").into_iter().flat_map(|node| node.children());
     let unit = |node: Node<'a, '_>| {
-        // In FMI 2 the unit is at an element `Real` within the type, in FMI 3 at the type itself.
         let of = child(&node, "Real").unwrap_or(node);
         Some((node.attribute("name")?, (of.attribute("unit"), is_true(&of, "relativeQuantity"))))
     };
@@ -165,7 +154,8 @@ fn types<'a>(root: &Node<'a, '_>) -> BTreeMap<&'a str, (Option<&'a str>, bool)> 
 
 fn variables(root: &Node<'_, '_>, version: Version) -> Result<BTreeMap<String, Variable>, ImportError> {
     let all = child(root, "ModelVariables");
-    let all = all.ok_or_else(|| invalid("<fmiModelDescription> has no ModelVariables"))?;
+    let all =
+        all.ok_or_else(|| ImportError::Lacks { element: "fmiModelDescription".into(), attribute: "ModelVariables" })?;
     let types = types(root);
     let mut variables = BTreeMap::new();
     let mut sizes = BTreeMap::new();
@@ -173,9 +163,13 @@ fn variables(root: &Node<'_, '_>, version: Version) -> Result<BTreeMap<String, V
     for node in all.children().filter(Node::is_element) {
         let name = attribute(&node, "name")?.to_owned();
         let text = attribute(&node, "valueReference")?;
-        let expected = "it must be a number from 0 to 4294967295";
-        let refused = |_| invalid(format!("valueReference of `{name}` is `{text}`: {expected}"));
-        let reference = text.trim().parse().map_err(refused)?;
+        let number = || ImportError::Attribute {
+            of: name.clone(),
+            attribute: "valueReference",
+            got: text.to_owned(),
+            expected: "a number from 0 to 4294967295",
+        };
+        let reference = text.trim().parse().map_err(|_| number())?;
         // FMI 2 has the type in an element of its own.
         let typed = match version {
             Version::Fmi2 => node.children().find(Node::is_element).unwrap_or(node),
@@ -226,11 +220,12 @@ fn elements(name: &str, node: &Node<'_, '_>, sizes: &BTreeMap<u32, u64>) -> Resu
     };
     let mut all: u64 = 1;
     for dimension in node.children().filter(|node| node.has_tag_name("Dimension")) {
-        // Checked at each factor: the product of lengths that a file states may overflow.
         let length = size(&dimension).and_then(|length| all.checked_mul(length)).filter(|all| *all <= MOST_ELEMENTS);
-        all = length.ok_or_else(|| {
-            let got = dimension.attribute("start").or(dimension.attribute("valueReference")).unwrap_or_default();
-            invalid(format!("Dimension of `{name}` is `{got}`: it must be a length, or the value reference of one"))
+        all = length.ok_or_else(|| ImportError::Attribute {
+            of: name.to_owned(),
+            attribute: "Dimension",
+            got: dimension.attribute("start").or(dimension.attribute("valueReference")).unwrap_or_default().to_owned(),
+            expected: "a length, or the value reference of one",
         })?;
     }
     Ok(all as usize)

@@ -3,7 +3,6 @@
 use std::io::{BufReader, Error, ErrorKind, PipeReader, PipeWriter, Write};
 
 use crate::ImportError;
-use crate::abi::{StartError, is_good};
 use crate::description::Version;
 use crate::message::{Answer, Request, StepCall, Stepped};
 use crate::process::{FarEnds, Guard};
@@ -45,6 +44,10 @@ fn status_name(status: Option<i32>) -> &'static str {
     }
 }
 
+fn is_good(status: i32) -> bool {
+    matches!(status, 0 | 1)
+}
+
 /// Says how a process has ended, by its status of waitpid(2).
 fn ended(status: i32) -> ForeignFault {
     if libc::WIFSIGNALED(status) {
@@ -65,8 +68,6 @@ impl Instance {
         let far = FarEnds { requests: requests_far, answers: answers_far, lifeline: lifeline_far };
         let unwritten = |error: Error| ImportError::Unpack { reason: error.to_string() };
         let folder = tempfile::Builder::new().prefix("resonarm-fmu-").tempdir().map_err(unwritten)?;
-        // The guard is started before anything is unpacked, so that it removes the folder even if this process dies
-        // meanwhile.
         let mut guard = Guard::start(source, folder.path(), far, lifeline).map_err(unstarted)?;
         // The guard removes it.
         let folder = folder.keep();
@@ -90,27 +91,29 @@ impl Instance {
     /// Waits until the simulation has begun.
     fn started(&mut self, read: &mut [f64]) -> Result<(), ImportError> {
         let answer = self.receive(read);
-        // The process ends by itself after such an answer: it must not be asked to end once more.
         if !matches!(answer, Ok(Answer::Started)) {
             self.is_over = true;
         }
-        let log = self.last.take();
-        let failed = |reason: String| Err(ImportError::Start { reason, log });
+        let log = self.last_message();
         match answer {
             Ok(Answer::Started) => match read.iter().find(|value| !value.is_finite()) {
                 Some(got) => {
                     let fault = ForeignFault::NotFinite { got: *got };
                     let call = self.function(StepCall::Get);
-                    failed(StructureError::Foreign { call, t_s: 0.0, fault }.to_string())
+                    Err(ImportError::Start {
+                        reason: StructureError::Foreign { call, t_s: 0.0, fault }.to_string(),
+                        log,
+                    })
                 }
                 None => Ok(()),
             },
-            Ok(Answer::NotStarted(StartError::Library(reason))) => Err(ImportError::Library { reason }),
-            Ok(Answer::NotStarted(StartError::Refused { function, status })) => {
-                failed(format!("{function} returned {}", status_name(status)))
+            Ok(Answer::NotLoaded { reason }) => Err(ImportError::Load { reason }),
+            Ok(Answer::NoFunction { name }) => Err(ImportError::Function { name }),
+            Ok(Answer::Refused { function, status }) => {
+                Err(ImportError::Call { call: function, status: status_name(status), log })
             }
-            Ok(_) => failed(format!("loading the FMU, {}", ForeignFault::Lost)),
-            Err(fault) => failed(format!("loading the FMU, {fault}")),
+            Ok(_) => Err(ImportError::Ended { during: "loading", fault: ForeignFault::Lost, log }),
+            Err(fault) => Err(ImportError::Ended { during: "loading", fault, log }),
         }
     }
 
@@ -169,8 +172,6 @@ impl Instance {
         let is_there = |reached_s: f64| (reached_s - (from_s + step_s)).abs() <= TOLERANCE_STEPS * step_s;
         let missed_s = reached_s.filter(|reached_s| !is_there(*reached_s));
         let function = self.function(call);
-        // The function that was called last says how far the step came: its status is the reason if it did not come to
-        // the end.
         match (call, missed_s) {
             // Tested first: an FMU that asks for the end may also discard the step, or stop before its end.
             _ if terminates => Err(failed(function, ForeignFault::Terminates)),
@@ -185,8 +186,10 @@ impl Instance {
                 if !is_good(status) {
                     return Err(failed(ForeignFault::Status(status_name(Some(status)))));
                 }
-                let odd = read.iter().find(|value| !value.is_finite());
-                odd.map_or(Ok(()), |got| Err(failed(ForeignFault::NotFinite { got: *got })))
+                match read.iter().find(|value| !value.is_finite()) {
+                    Some(got) => Err(failed(ForeignFault::NotFinite { got: *got })),
+                    None => Ok(()),
+                }
             }
         }
     }
@@ -205,11 +208,7 @@ impl Instance {
 
     /// Frees the FMU and unloads its library.
     pub fn end(mut self) -> Result<(), ImportError> {
-        let finished = self.finish();
-        finished.map_err(|fault| ImportError::Start {
-            reason: format!("unloading the FMU, {fault}"),
-            log: self.last.take(),
-        })
+        self.finish().map_err(|fault| ImportError::Ended { during: "unloading", fault, log: self.last_message() })
     }
 
     fn finish(&mut self) -> Result<(), ForeignFault> {
@@ -222,6 +221,11 @@ impl Instance {
             Answer::Freed => Ok(()),
             _ => Err(ForeignFault::Lost),
         }
+    }
+
+    /// The last message of the FMU, once.
+    pub fn last_message(&mut self) -> Option<String> {
+        self.last.take()
     }
 }
 

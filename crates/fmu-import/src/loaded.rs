@@ -5,7 +5,7 @@ use std::io::{PipeReader, Read};
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::abi::{Fmi, Fmi2, Fmi3, Library, StartError, begin, is_good};
+use crate::abi::{Fmi, Fmi2, Fmi3, InstanceSpec, Library, StartError, begin};
 use crate::description::Version;
 use crate::message::{Answer, Answers, Request, StepCall, Stepped};
 use crate::process::end_within;
@@ -16,16 +16,19 @@ const END_S: u32 = 10;
 
 /// Loads the FMU from `folder` and begins a simulation at 0.
 fn start(source: &Source, folder: &Path, answers: &Arc<Answers>) -> Result<Box<dyn Fmi>, StartError> {
-    // The token is from a file, and the path of the folder from the environment.
-    let text = |text: &str| CString::new(text).map_err(|_| StartError::unloadable(format!("`{text}` has a NUL")));
+    let text = |text: &str| CString::new(text).map_err(|_| StartError::Load(format!("`{text}` has a NUL")));
     let token = text(&source.description.token)?;
     let resources = text(&format!("{}/", folder.join("resources").display()))?;
-    let (library, answers) = (Library::load(&folder.join(source.description.library()))?, Arc::clone(answers));
+    let mapping = &source.mapping;
+    let at_rest = mapping.set_at_rest();
+    let inputs = (&*mapping.set.references, &*at_rest);
+    let spec = InstanceSpec { token: &token, resources: &resources, parameters: &mapping.parameters, inputs };
+    let library = Library::load(&folder.join(source.description.library()))?;
     let mut fmu: Box<dyn Fmi> = match source.description.version {
-        Version::Fmi2 => Box::new(Fmi2::new(library, &token, &resources, answers)?),
-        Version::Fmi3 => Box::new(Fmi3::new(library, &token, &resources, answers)?),
+        Version::Fmi2 => Box::new(Fmi2::new(library, &spec, Arc::clone(answers))?),
+        Version::Fmi3 => Box::new(Fmi3::new(library, &spec, Arc::clone(answers))?),
     };
-    begin(&mut *fmu, &source.mapping)?;
+    begin(&mut *fmu, &spec)?;
     Ok(fmu)
 }
 
@@ -44,10 +47,11 @@ pub(crate) fn serve(
     let mut read = vec![0.0; mapping.read.count];
     let mut fmu = match start(source, folder, answers) {
         Ok(fmu) => fmu,
-        Err(error) => return answers.send(&Answer::NotStarted(error), &[]),
+        Err(error) => return answers.send(&refusal(error), &[]),
     };
-    if let Err(error) = fmu.get(&mapping.read.references, &mut read).checked() {
-        return answers.send(&Answer::NotStarted(error), &[]);
+    let first = fmu.get(&mapping.read.references, &mut read);
+    if !first.is_good() {
+        return answers.send(&refusal(StartError::of(first)), &[]);
     }
     answers.send(&Answer::Started, &read)?;
     let mut request = vec![0; Request::length(set.len())];
@@ -56,12 +60,10 @@ pub(crate) fn serve(
         match Request::read(&request, &mut set) {
             Some(Request::Step { from_s, step_s, sets }) => {
                 let stepped = step(&mut *fmu, source, sets.then_some(&*set), (from_s, step_s), &mut read);
-                let has_read = stepped.call == StepCall::Get && is_good(stepped.status);
-                answers.send(&Answer::Stepped(stepped), if has_read { &read } else { &[] })?;
+                let is_good = stepped.call == StepCall::Get && matches!(stepped.status, 0 | 1);
+                answers.send(&Answer::Stepped(stepped), if is_good { &read } else { &[] })?;
             }
             Some(Request::End) => {
-                // An FMU that hangs as it is freed is ended by the alarm. The guard then reports the signal in place of
-                // the answer.
                 end_within(END_S);
                 drop(fmu);
                 return answers.send(&Answer::Freed, &[]);
@@ -83,13 +85,22 @@ fn step(
     if let Some(set) = set {
         let called = fmu.set(&mapping.set.references, set);
         if !called.is_good() {
-            return Stepped { call: StepCall::Set, status: called.status, terminates: false, reached_s: None };
+            return Stepped::new(StepCall::Set, called.status, None);
         }
     }
-    let stepped = fmu.step(from_s, step_s);
-    if !is_good(stepped.status) || stepped.terminates {
-        return stepped;
+    let outcome = fmu.step(from_s, step_s);
+    if !outcome.called.is_good() || outcome.terminates {
+        return Stepped::new(StepCall::Step, outcome.called.status, Some(outcome));
     }
     let called = fmu.get(&mapping.read.references, read);
-    Stepped { call: StepCall::Get, status: called.status, ..stepped }
+    Stepped::new(StepCall::Get, called.status, Some(outcome))
+}
+
+/// The answer that tells of an error before the simulation.
+fn refusal(error: StartError) -> Answer {
+    match error {
+        StartError::Load(reason) => Answer::NotLoaded { reason },
+        StartError::Function(name) => Answer::NoFunction { name: name.to_owned() },
+        StartError::Status { function, status } => Answer::Refused { function: function.to_owned(), status },
+    }
 }

@@ -30,18 +30,14 @@ pub(crate) enum Dof {
 }
 
 impl Dof {
-    fn parse(key: &str, text: &str) -> Result<Dof, ImportError> {
+    fn parse(key: &'static str, text: &str) -> Result<Dof, ImportError> {
         let numbered = |name: &str| text.strip_prefix(name)?.parse().ok().filter(|number: &usize| *number > 0);
         let is_point = || matches!(text.rsplit_once('.'), Some((point, "x" | "y" | "z")) if !point.is_empty());
-        // Numbers are tried first: `joint1` has no axis, and so can be no point.
         match (numbered("joint"), numbered("mode")) {
             (Some(joint), _) => Ok(Dof::Joint(joint)),
             (_, Some(mode)) => Ok(Dof::Mode(mode)),
             _ if is_point() => Ok(Dof::Point),
-            _ => {
-                let expected = "write point and axis, as in \"tip.x\", or joint1, or mode1";
-                Err(of_key(key, format!("`{text}` names no degree of freedom: {expected}")))
-            }
+            _ => Err(ImportError::Dof { key, got: text.to_owned() }),
         }
     }
 }
@@ -116,11 +112,9 @@ impl Mapping {
 
     /// The variables that take loads: torques about the joints, and forces along x, y and z of the exciter.
     fn drive(&mut self, description: &Description, spec: &Spec, exciter: &str) -> Result<(), ImportError> {
-        // All keys are parsed first, so that a misspelt one is an error and not an input that nothing drives.
         for dof in spec.inputs.keys() {
             if !matches!(Dof::parse("inputs", dof)?, Dof::Point | Dof::Joint(1..=MOST_JOINTS)) {
-                let driven = "loads are forces at points and torques at joint1 to joint8";
-                return Err(of_key("inputs", format!("`{dof}` can't be driven: {driven}")));
+                return Err(ImportError::Driven { got: dof.clone() });
             }
         }
         for (slot, dof) in self.inputs.iter_mut().zip(driven(exciter)) {
@@ -144,15 +138,14 @@ impl Mapping {
     fn check(&self, description: &Description, spec: &Spec, dof: &str, of: &OutputsOf) -> Result<(), ImportError> {
         let kind = Dof::parse("outputs", dof)?;
         if of.force.is_some() && spec.read != ReadAt::End {
-            let hint = "leave it out, or take `read = \"end\"`";
-            return Err(of_key(&output(dof), format!("`force` is of an FMU that samples it itself: {hint}")));
+            return Err(ImportError::Force { dof: dof.to_owned() });
         }
         let names = [&of.displacement, &of.velocity, &of.acceleration, &of.force];
         let quantities = [Of::Displacement(kind), Of::Velocity(kind), Of::Acceleration(kind), Of::Head];
         let keys = ["displacement", "velocity", "acceleration", "force"];
         for ((name, quantity), key) in names.into_iter().zip(quantities).zip(keys) {
             if let Some(name) = name {
-                let key = format!("{}.{key}", output(dof));
+                let key = format!("outputs.\"{dof}\".{key}");
                 named(description, &key, name, quantity)?;
                 warn_of_unit(description, &key, name, quantity)?;
             }
@@ -162,7 +155,7 @@ impl Mapping {
 
     /// Adds a variable of a degree of freedom to those that are read, and returns its place there.
     fn slot(&mut self, description: &Description, dof: &str, name: &str, of: Of) -> Result<Slot, ImportError> {
-        let variable = named(description, &output(dof), name, of)?;
+        let variable = named(description, &format!("outputs.\"{dof}\""), name, of)?;
         Ok(self.read.slot(&variable))
     }
 
@@ -175,11 +168,12 @@ impl Mapping {
     ) -> Result<(), ImportError> {
         let (channels, all) = coordinates(outputs)?;
         self.channels = channels;
-        // Coordinates come before their rates, as in every recording.
-        let displacements = all.iter().map(|of| (of.dof, of.displacement, Of::Displacement(of.kind)));
-        let velocities = all.iter().map(|of| (of.dof, of.velocity, Of::Velocity(of.kind)));
-        for (dof, name, quantity) in displacements.chain(velocities) {
-            let slot = self.slot(description, dof, name, quantity)?;
+        for Coordinate { kind, dof, displacement, .. } in &all {
+            let slot = self.slot(description, dof, displacement, Of::Displacement(*kind))?;
+            self.states.push(slot);
+        }
+        for Coordinate { kind, dof, velocity, .. } in &all {
+            let slot = self.slot(description, dof, velocity, Of::Velocity(*kind))?;
             self.states.push(slot);
         }
         Ok(())
@@ -190,7 +184,7 @@ impl Mapping {
         &mut self,
         description: &Description,
         spec: &Spec,
-        (instrument, at): (&str, &str),
+        (instrument, at): (&'static str, &str),
     ) -> Result<(), ImportError> {
         let needs_velocity = spec.is_filtered && spec.read == ReadAt::Middle;
         let mut sensed = [Sensed::default(); 2];
@@ -205,7 +199,7 @@ impl Mapping {
                 None if needs_velocity => {
                     let why =
                         "the filter of rig.converter needs it beside the acceleration; or take the converter `instant`";
-                    return Err(missing(dof, "velocity", why));
+                    return Err(ImportError::Missing { dof: dof.clone(), missing: "velocity", why });
                 }
                 _ => None,
             };
@@ -240,8 +234,8 @@ impl Mapping {
                     }
                     false => return Ok(None),
                 };
-                let name = name.as_ref().ok_or_else(|| missing(dof, key, why))?;
-                self.slot(description, dof, name, quantity).map(Some)
+                let missing = || ImportError::Missing { dof: dof.to_owned(), missing: key, why };
+                self.slot(description, dof, name.as_ref().ok_or_else(missing)?, quantity).map(Some)
             };
             let sensed = Sensed {
                 displacement: slot("displacement", &of.displacement, 0, Of::Displacement(kind))?,
@@ -264,7 +258,8 @@ impl Mapping {
                     self.travel[axis] = Some(self.slot(description, dof, name, Of::Displacement(Dof::Point))?);
                 }
                 None if spec.limits_travel && self.inputs[MOST_JOINTS + axis].is_some() => {
-                    return Err(missing(dof, "displacement", "rig.gate.travel_limit_m needs it"));
+                    let why = "rig.gate.travel_limit_m needs it";
+                    return Err(ImportError::Missing { dof: dof.clone(), missing: "displacement", why });
                 }
                 None => {}
             }
@@ -299,9 +294,7 @@ fn coordinates(outputs: &BTreeMap<String, OutputsOf>) -> Result<(Vec<Channel>, V
     let Some(first) = all.first() else { return Ok((Vec::new(), all)) };
     let kind = core::mem::discriminant(&first.kind);
     if let Some(other) = all.iter().find(|other| core::mem::discriminant(&other.kind) != kind) {
-        let hint = "give displacement and velocity of one kind alone";
-        let (one, other) = (first.dof, other.dof);
-        return Err(of_key("outputs", format!("`{one}` and `{other}` are coordinates of different kinds: {hint}")));
+        return Err(ImportError::Kinds { one: first.dof.clone(), other: other.dof.clone() });
     }
     let (of, what) = match first.kind {
         Dof::Point => (Coordinates::Displacements, "points"),
@@ -313,11 +306,7 @@ fn coordinates(outputs: &BTreeMap<String, OutputsOf>) -> Result<(Vec<Channel>, V
         Dof::Joint(number) | Dof::Mode(number) => number == index + 1,
     };
     if all.len() > of.most() || !all.iter().enumerate().all(is_in_order) {
-        let (got, most) = (all.len(), of.most());
-        let reason = format!(
-            "displacement and velocity are given for {got} {what}: a recording has at most {most}, numbered from 1 without a gap"
-        );
-        return Err(of_key("outputs", reason));
+        return Err(ImportError::Coordinates { what, got: all.len(), most: of.most() });
     }
     Ok((coordinate_channels(of, all.len()), all))
 }
@@ -369,25 +358,13 @@ fn axes(at: &str) -> [Option<String>; 2] {
     if at.contains('.') { [Some(at.to_owned()), None] } else { ["x", "y"].map(|axis| Some(format!("{at}.{axis}"))) }
 }
 
-/// The key of the variables of a degree of freedom that is read.
-fn output(dof: &str) -> String {
-    format!("outputs.\"{dof}\"")
-}
-
-/// The error of a key of the section `[structure]`.
-fn of_key(key: &str, reason: String) -> ImportError {
-    ImportError::Key { key: format!("structure.{key}"), reason }
-}
-
-/// The error of a variable that is needed and not mapped.
-fn missing(dof: &str, variable: &str, why: &str) -> ImportError {
-    of_key(&output(dof), format!("`{variable}` is missing: {why}"))
-}
-
-/// The error of a place of the rig at which no variable of a section is.
-fn place<'a>(instrument: &str, section: &str, at: &str, known: impl Iterator<Item = &'a String>) -> ImportError {
+fn place<'a>(
+    instrument: &'static str,
+    section: &'static str,
+    at: &str,
+    known: impl Iterator<Item = &'a String>,
+) -> ImportError {
     let known: Vec<&str> = known.map(String::as_str).collect();
     let known = if known.is_empty() { String::from("none") } else { known.join(", ") };
-    let reason = format!("no variable of structure.{section} is at `{at}`; there are {known}");
-    ImportError::Key { key: format!("rig.{instrument}"), reason }
+    ImportError::Place { instrument, section, at: at.to_owned(), known }
 }

@@ -3,10 +3,10 @@
 //! Both ends are one program, so numbers are in the machine's order of bytes. A request has a fixed length, as both ends
 //! know how many values are set; an answer states its kind and its length.
 
-use std::io::{ErrorKind, PipeWriter, Read, Result, Write};
+use std::io::{Error, ErrorKind, PipeWriter, Read, Result, Write};
 use std::sync::{Mutex, PoisonError};
 
-use crate::abi::StartError;
+use crate::abi::StepOutcome;
 
 /// The longest answer that is read, bytes: an array of a million numbers has 8 MB.
 const MOST_LENGTH: u32 = 1 << 26;
@@ -68,10 +68,16 @@ pub(crate) enum StepCall {
 pub(crate) struct Stepped {
     pub call: StepCall,
     pub status: i32,
-    /// Whether the FMU asks to end the simulation.
     pub terminates: bool,
-    /// Time that the FMU says it has reached, s; `None` if it does not say.
     pub reached_s: Option<f64>,
+}
+
+impl Stepped {
+    /// The end of a step that got as far as `call`.
+    pub fn new(call: StepCall, status: i32, outcome: Option<StepOutcome>) -> Stepped {
+        let terminates = outcome.is_some_and(|outcome| outcome.terminates);
+        Stepped { call, status, terminates, reached_s: outcome.and_then(|outcome| outcome.reached_s) }
+    }
 }
 
 /// An answer of the process of an FMU, or of the one that watches it.
@@ -81,14 +87,23 @@ pub(crate) enum Answer {
     Says { status: i32, text: String },
     /// The simulation has begun. The values that are read follow.
     Started,
-    /// The simulation could not begin.
-    NotStarted(StartError),
+    /// The library can't be loaded.
+    NotLoaded { reason: String },
+    /// The library lacks a function.
+    NoFunction { name: String },
+    /// A function returned a bad status before the simulation began; `None` for an instance that is NULL.
+    Refused { function: String, status: Option<i32> },
     /// A step was made. The values that are read follow if it succeeded.
     Stepped(Stepped),
     /// The instance is freed, and the library unloaded.
     Freed,
     /// The process has ended, with a status of waitpid(2).
     Ended { status: i32 },
+}
+
+/// Returns the error for an answer that breaks the protocol.
+fn invalid() -> Error {
+    Error::from(ErrorKind::InvalidData)
 }
 
 /// Reads as many numbers as there is place for; `false` if the bytes are of another number of them.
@@ -101,11 +116,12 @@ fn read_numbers(bytes: &[u8], numbers: &mut [f64]) -> bool {
 impl Answer {
     const SAYS: u8 = 1;
     const STARTED: u8 = 2;
-    const UNUSABLE: u8 = 3;
-    const REFUSED: u8 = 4;
-    const STEPPED: u8 = 5;
-    const FREED: u8 = 6;
-    const ENDED: u8 = 7;
+    const NOT_LOADED: u8 = 3;
+    const NO_FUNCTION: u8 = 4;
+    const REFUSED: u8 = 5;
+    const STEPPED: u8 = 6;
+    const FREED: u8 = 7;
+    const ENDED: u8 = 8;
 
     fn bytes(&self, values: &[f64]) -> Vec<u8> {
         let values = || values.iter().flat_map(|value| value.to_ne_bytes());
@@ -120,8 +136,9 @@ impl Answer {
         let (kind, body): (u8, Vec<u8>) = match self {
             Answer::Says { status, text: said } => (Answer::SAYS, text(Some(*status), said)),
             Answer::Started => (Answer::STARTED, values().collect()),
-            Answer::NotStarted(StartError::Library(reason)) => (Answer::UNUSABLE, text(None, reason)),
-            Answer::NotStarted(StartError::Refused { function, status }) => (Answer::REFUSED, text(*status, function)),
+            Answer::NotLoaded { reason } => (Answer::NOT_LOADED, text(None, reason)),
+            Answer::NoFunction { name } => (Answer::NO_FUNCTION, text(None, name)),
+            Answer::Refused { function, status } => (Answer::REFUSED, text(*status, function)),
             Answer::Stepped(stepped) => {
                 let mut body =
                     vec![stepped.call as u8, u8::from(stepped.terminates), u8::from(stepped.reached_s.is_some())];
@@ -148,13 +165,12 @@ impl Answer {
         pipe.read_exact(&mut head)?;
         let [kind, length @ ..] = head;
         let length = u32::from_ne_bytes(length);
-        // The library may have written to the pipe itself: a length of its making must not reserve all memory.
         if length > MOST_LENGTH {
-            return Err(ErrorKind::InvalidData.into());
+            return Err(invalid());
         }
         body.resize(length as usize, 0);
         pipe.read_exact(body)?;
-        Answer::parse(kind, body, values).ok_or_else(|| ErrorKind::InvalidData.into())
+        Answer::parse(kind, body, values).ok_or_else(invalid)
     }
 
     fn parse(kind: u8, body: &[u8], values: &mut [f64]) -> Option<Answer> {
@@ -169,10 +185,11 @@ impl Answer {
                 Answer::Says { status: status?, text }
             }
             Answer::STARTED => read_numbers(body, values).then_some(Answer::Started)?,
-            Answer::UNUSABLE => Answer::NotStarted(StartError::Library(text()?.1)),
+            Answer::NOT_LOADED => Answer::NotLoaded { reason: text()?.1 },
+            Answer::NO_FUNCTION => Answer::NoFunction { name: text()?.1 },
             Answer::REFUSED => {
                 let (status, function) = text()?;
-                Answer::NotStarted(StartError::Refused { function, status })
+                Answer::Refused { function, status }
             }
             Answer::STEPPED => {
                 let ([call, terminates, has_reached], body) = body.split_first_chunk::<3>()?;
@@ -238,9 +255,10 @@ mod tests {
         for answer in [
             Answer::Says { status: 2, text: "an error\nof two lines".into() },
             Answer::Started,
-            Answer::NotStarted(StartError::Library("has no function `fmi3DoStep`".into())),
-            Answer::NotStarted(StartError::Refused { function: "fmi3DoStep".into(), status: Some(-1) }),
-            Answer::NotStarted(StartError::Refused { function: "fmi3Instantiate".into(), status: None }),
+            Answer::NotLoaded { reason: "no such file".into() },
+            Answer::NoFunction { name: "fmi3DoStep".into() },
+            Answer::Refused { function: "fmi3DoStep".into(), status: Some(-1) },
+            Answer::Refused { function: "fmi3Instantiate".into(), status: None },
             Answer::Stepped(stepped),
             Answer::Stepped(Stepped { reached_s: None, terminates: false, ..stepped }),
             Answer::Freed,

@@ -69,7 +69,10 @@ impl Guard {
     /// # Errors
     /// That of the pipe.
     pub fn load(&mut self) -> Result<()> {
-        self.lifeline.as_mut().map_or(Ok(()), |lifeline| lifeline.write_all(&[0]))
+        match &mut self.lifeline {
+            Some(lifeline) => lifeline.write_all(&[0]),
+            None => Ok(()),
+        }
     }
 }
 
@@ -101,29 +104,19 @@ fn checked(returned: c_int) -> Result<c_int> {
     if returned == -1 { Err(Error::last_os_error()) } else { Ok(returned) }
 }
 
-/// The empty set of signals.
-fn no_signals() -> libc::sigset_t {
-    // SAFETY: `sigemptyset` initializes the set.
-    unsafe {
-        let mut none = core::mem::zeroed();
-        libc::sigemptyset(&mut none);
-        none
-    }
-}
-
 /// Gives a new process handlers of signals, a process group and standard files of its own.
 fn separate() -> Result<()> {
-    // SAFETY: calls with numbers, and a set. Signals that can't be set are kept.
+    // SAFETY: calls with numbers, and a set that is initialized by `sigemptyset`. Signals that can't be set are kept.
     unsafe {
-        // A handler of the program would work on a copy of its memory, of which nobody sees the effect.
         for signal in 1..=libc::SIGRTMAX() {
             libc::signal(signal, libc::SIG_DFL);
         }
-        checked(libc::sigprocmask(libc::SIG_SETMASK, &no_signals(), core::ptr::null_mut()))?;
+        let mut none = core::mem::zeroed();
+        libc::sigemptyset(&mut none);
+        checked(libc::sigprocmask(libc::SIG_SETMASK, &none, core::ptr::null_mut()))?;
         // Ctrl-C goes to the processes of a terminal's group: it asks the program to stop, and the program ends the FMU.
         libc::setpgid(0, 0);
         let null = checked(libc::open(c"/dev/null".as_ptr(), libc::O_RDWR))?;
-        // The library must not take what is typed for the program.
         checked(libc::dup2(null, libc::STDIN_FILENO))?;
         // Standard output may be a document of the program, such as that of `--json`.
         checked(libc::dup2(libc::STDERR_FILENO, libc::STDOUT_FILENO)).or_else(|_| checked(libc::dup2(null, 1)))?;
@@ -158,14 +151,18 @@ fn watch(source: &Source, folder: &Path, FarEnds { requests, answers, mut lifeli
     }
     let answers_fd = answers.as_raw_fd();
     let answers = Arc::new(Answers::new(answers));
-    let (mut child, awake) = (no_signals(), no_signals());
-    // SAFETY: a set, and a handler that does nothing.
-    unsafe {
+    // SAFETY: sets that are initialized by `sigemptyset`, and a handler that does nothing.
+    let awake = unsafe {
+        let mut awake = core::mem::zeroed();
+        libc::sigemptyset(&mut awake);
+        let mut child = core::mem::zeroed();
+        libc::sigemptyset(&mut child);
         libc::sigaddset(&mut child, libc::SIGCHLD);
         // Blocked but for `ppoll`, so that an end just before it is not missed.
         checked(libc::sigprocmask(libc::SIG_BLOCK, &child, core::ptr::null_mut()))?;
         libc::signal(libc::SIGCHLD, ignore as *const () as libc::sighandler_t);
-    }
+        awake
+    };
     // SAFETY: this process has one thread, and the child never returns from `run`.
     let (guard, pid) = unsafe { (libc::getpid(), checked(libc::fork())?) };
     if pid == 0 {
@@ -173,7 +170,6 @@ fn watch(source: &Source, folder: &Path, FarEnds { requests, answers, mut lifeli
         let kept = [requests.as_raw_fd(), answers_fd];
         run(source, folder, requests, &answers, guard, kept);
     }
-    // With this end open, the program would not learn from its next write that the FMU has ended.
     drop(requests);
     close_others([answers_fd, lifeline.as_raw_fd()])?;
     let ended = |options| -> Result<Option<c_int>> {
@@ -193,7 +189,6 @@ fn watch(source: &Source, folder: &Path, FarEnds { requests, answers, mut lifeli
         if unsafe { libc::ppoll(&mut polled, 1, core::ptr::null(), &awake) } > 0 {
             // SAFETY: a child that was not waited for yet.
             unsafe { libc::kill(pid, libc::SIGKILL) };
-            // Its files are in the folder, which is removed when this function returns.
             ended(0)?;
             return Ok(());
         }
@@ -231,10 +226,13 @@ fn run(
     kept: [RawFd; 2],
 ) -> ! {
     let prepared = || -> Result<()> {
-        // SAFETY: calls with numbers, a set, and a function that lives as long as the process.
+        // SAFETY: calls with numbers, a set that is initialized by `sigemptyset`, and a function that lives as long as
+        // the process.
         unsafe {
             libc::signal(libc::SIGCHLD, libc::SIG_DFL);
-            checked(libc::sigprocmask(libc::SIG_SETMASK, &no_signals(), core::ptr::null_mut()))?;
+            let mut none = core::mem::zeroed();
+            libc::sigemptyset(&mut none);
+            checked(libc::sigprocmask(libc::SIG_SETMASK, &none, core::ptr::null_mut()))?;
             checked(libc::prctl(libc::PR_SET_PDEATHSIG, libc::SIGKILL))?;
             // The signal comes only for a death after the call above (prctl(2)); a guard that has died before it has
             // left this process to another parent.

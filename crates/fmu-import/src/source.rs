@@ -17,6 +17,11 @@ pub struct Source {
     pub(crate) step_s: f64,
 }
 
+/// Whether an FMU is one of `resonarm fmu`.
+fn is_ours(tool: &str) -> bool {
+    tool.starts_with("resonarm ")
+}
+
 /// The part of a step by which a whole number of the FMU's own steps may miss it.
 const TOLERANCE: f64 = 1e-6;
 
@@ -29,12 +34,8 @@ impl Source {
         let archive = Archive::read(packed)?;
         let description = Description::parse(archive.description())?;
         archive.check_platform(&description.library())?;
-        // So `resonarm fmu` writes itself into its FMUs.
-        let own_tool = description.tool.as_ref().filter(|tool| tool.starts_with("resonarm "));
-        if let (ReadAt::Middle, Some(tool)) = (spec.read, own_tool) {
-            let hint = "take `read = \"end\"`, and the variables `true.…`";
-            let reason = format!("`read` is middle, and the FMU, of {tool}, samples its motion itself: {hint}");
-            return Err(ImportError::Key { key: "structure".into(), reason });
+        if let (ReadAt::Middle, Some(tool)) = (spec.read, description.tool.as_ref().filter(|tool| is_ours(tool))) {
+            return Err(ImportError::SamplesItself { tool: tool.clone() });
         }
         let mapping = Mapping::new(&description, spec)?;
         let step_s = match spec.read {

@@ -19,7 +19,7 @@ impl Source {
     pub fn plant(self: &Arc<Source>, spec: &PlantSpec) -> Result<Result<Plant, PlantSpecError>, ImportError> {
         let held = Held::new(Arc::clone(self))?;
         Ok(match self.read {
-            ReadAt::Middle => Plant::stepped(spec, Box::new(held)),
+            ReadAt::Middle => Plant::stepped(spec, Box::new(Steps::new(held))),
             ReadAt::End => {
                 let sampled = Sampled::new(held);
                 Rig::new(&spec.rig, &sampled.outputs, spec.sample_rate_hz, spec.seed)
@@ -81,7 +81,6 @@ impl Held {
     fn instance(&mut self, t_s: f64) -> Result<&mut Instance, StructureError> {
         let fails = |call, fault| StructureError::Foreign { call, t_s, fault };
         if matches!(self.run, Run::AtStart) {
-            // Not used: what an instance reads at its start is known from `Held::new`.
             let mut at_start = vec![0.0; self.source.mapping.read.count];
             let started = Instance::start(&self.source, &mut at_start).map_err(|error| {
                 tracing::error!("{error}");
@@ -94,6 +93,20 @@ impl Held {
             Run::AtStart | Run::Failed => Err(fails("the step", ForeignFault::HasFailed)),
             Run::Lost => Err(fails("the step", ForeignFault::CopyOfRunning)),
         }
+    }
+
+    /// A communication step with the loads held. They are set where they have changed.
+    fn step(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
+        let loads = load.parts();
+        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
+        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && *load != 0.0) {
+            return Err(StructureError::NoInput { name: channel.name, got });
+        }
+        let stepped = self.try_step(t_s, &loads);
+        if stepped.is_err() {
+            self.run = Run::Failed;
+        }
+        stepped
     }
 
     fn try_step(&mut self, t_s: f64, loads: &[f64; Load::PARTS]) -> Result<(), StructureError> {
@@ -132,51 +145,6 @@ impl Held {
             acceleration: number(sensed.acceleration),
         }
     }
-}
-
-/// The FMU that is read after each step.
-impl Stepped for Held {
-    fn states(&self) -> &[Channel] {
-        &self.source.mapping.channels
-    }
-
-    fn inputs(&self) -> LoadSet {
-        self.source.mapping.loads()
-    }
-
-    /// A communication step with the loads held. They are set where they have changed.
-    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
-        let loads = load.parts();
-        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
-        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && *load != 0.0) {
-            return Err(StructureError::NoInput { name: channel.name, got });
-        }
-        let stepped = self.try_step(t_s, &loads);
-        if stepped.is_err() {
-            self.run = Run::Failed;
-        }
-        stepped
-    }
-
-    fn sensors(&self) -> &[Channel] {
-        &self.source.mapping.sensor_channels
-    }
-
-    /// The motion at the end of the last step, under the loads of that step.
-    fn read(&self, _t_s: f64, _load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
-        out.iter_mut().zip(&self.source.mapping.sensors).for_each(|(to, sensed)| *to = self.sensed(sensed));
-        Ok(())
-    }
-
-    /// An FMU gives no accelerations under loads that were set and not yet stepped with. With a course that is linear
-    /// over the step, that at its start follows from the mean, the change of velocity:
-    ///
-    /// ```text
-    /// (v(h) − v(0)) / h = (a(0) + a(h)) / 2
-    /// ```
-    fn acceleration_at_start(&self, [from, to]: [f64; 2], [_, at_end]: [f64; 2], step_s: f64) -> f64 {
-        (to - from) * (2.0 / step_s) - at_end
-    }
 
     fn travel_m(&self) -> f64 {
         let [x, y, z] = self.source.mapping.travel.map(|slot| slot.map_or(0.0, |slot| self.si(&slot)));
@@ -204,6 +172,65 @@ impl Stepped for Held {
             _ => Err(StructureError::ForeignState),
         }
     }
+}
+
+/// The FMU that is read after each step.
+#[derive(Clone, Debug)]
+pub(crate) struct Steps {
+    held: Held,
+}
+
+impl Steps {
+    pub fn new(held: Held) -> Steps {
+        Steps { held }
+    }
+}
+
+impl Stepped for Steps {
+    fn states(&self) -> &[Channel] {
+        &self.held.source.mapping.channels
+    }
+
+    fn inputs(&self) -> LoadSet {
+        self.held.source.mapping.loads()
+    }
+
+    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
+        self.held.step(t_s, load)
+    }
+
+    fn sensors(&self) -> &[Channel] {
+        &self.held.source.mapping.sensor_channels
+    }
+
+    /// The motion at the end of the last step, under the loads of that step.
+    fn read(&self, _t_s: f64, _load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let sensors = &self.held.source.mapping.sensors;
+        out.iter_mut().zip(sensors).for_each(|(to, sensed)| *to = self.held.sensed(sensed));
+        Ok(())
+    }
+
+    /// An FMU gives no accelerations under loads that were set and not yet stepped with. With a course that is linear
+    /// over the step, that at its start follows from the mean, the change of velocity:
+    ///
+    /// ```text
+    /// (v(h) − v(0)) / h = (a(0) + a(h)) / 2
+    /// ```
+    fn acceleration_at_start(&self, [from, to]: [f64; 2], [_, at_end]: [f64; 2], step_s: f64) -> f64 {
+        (to - from) * (2.0 / step_s) - at_end
+    }
+
+    fn travel_m(&self) -> f64 {
+        self.held.travel_m()
+    }
+
+    fn save(&self, states: &mut [f64]) {
+        self.held.save(states);
+    }
+
+    fn restore(&mut self, states: &[f64]) -> Result<(), StructureError> {
+        self.held.restore(states)
+    }
 
     fn boxed_clone(&self) -> Box<dyn Stepped> {
         Box::new(self.clone())
@@ -228,7 +255,7 @@ impl Sampled {
 
 impl Structure for Sampled {
     fn inputs(&self) -> LoadSet {
-        self.held.inputs()
+        self.held.source.mapping.loads()
     }
 
     fn outputs(&self) -> &[Channel] {
@@ -236,7 +263,7 @@ impl Structure for Sampled {
     }
 
     fn states(&self) -> &[Channel] {
-        self.held.states()
+        &self.held.source.mapping.channels
     }
 
     fn saved_len(&self) -> usize {
@@ -244,7 +271,7 @@ impl Structure for Sampled {
     }
 
     fn advance(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
-        self.held.advance(time_s, load)?;
+        self.held.step(time_s, load)?;
         self.force_n = [load.force_n.x, load.force_n.y];
         Ok(())
     }

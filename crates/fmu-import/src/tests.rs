@@ -89,7 +89,6 @@ fn variables_are_mapped_with_their_units() {
     assert_eq!((mapping.set.references.as_slice(), mapping.read.references.as_slice()), (&[1][..], &[2, 3, 4][..]));
     let force = mapping.inputs[8].unwrap();
     assert_eq!((force.conversion.of_si(2500.0), force.conversion.to_si(2.5)), (2.5, 2500.0));
-    // The unit mm has the factor 0.001 and the offset 0.5: 7 mm are 0.507 m, and 0.5 m are 0 mm.
     let length = mapping.travel[0].unwrap();
     assert_eq!((length.conversion.to_si(7.0), length.conversion.of_si(0.5)), (0.507, 0.0));
     let names: Vec<&str> = mapping.channels.iter().map(|channel| channel.name.as_str()).collect();
@@ -101,8 +100,6 @@ fn an_element_of_an_array_is_named_by_its_number() {
     let mut spec = spec();
     outputs(&mut spec).displacement = Some("y[6]".into());
     let mapping = read(MASS, &spec).unwrap().mapping;
-    // The array has 3 · 2 elements. With the scalars v and a the block has 8 numbers, and element 6 is the last of the
-    // array.
     assert_eq!((mapping.read.references.as_slice(), mapping.read.count), (&[8, 3, 4][..], 8));
     assert_eq!(mapping.travel[0].unwrap().index, 5);
     outputs(&mut spec).displacement = Some("y[7]".into());
@@ -135,7 +132,6 @@ fn an_fmu_for_other_machines_is_refused() {
 
 #[test]
 fn descriptions_are_refused_in_words() {
-    // Entities that expand to each other (a "billion laughs" attack): the parser must refuse the DTD that defines them.
     let bomb =
         r#"<!DOCTYPE a [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><fmiModelDescription>&b;</fmiModelDescription>"#;
     insta::assert_snapshot!(read(bomb, &spec()).unwrap_err(), @"modelDescription.xml: XML with DTD detected");
@@ -216,11 +212,9 @@ fn an_archive_that_unpacks_to_far_more_than_its_size_is_refused_before_it_is_unp
     let mut entries = vec![("modelDescription.xml", MASS), (LIBRARY, "")];
     entries.extend(names.iter().map(|name| (&**name, &*zeros)));
     let deflated = zip(&entries);
-    // The limits of the archive: 100 MB, and 100 times the size of the archive.
     let most_mb = 100 + 100 * deflated.len() / 1_000_000;
     let refused = Source::read(deflated, &spec()).unwrap_err();
-    let expected = format!("the archive unpacks to more than {most_mb} MB, at `resources/5`: ");
-    assert!(refused.to_string().starts_with(&expected), "{refused}");
+    assert!(matches!(refused, ImportError::TooLarge { most_mb: got, .. } if got == most_mb as u64), "{refused}");
     assert!(Source::read(zip(&entries[..4]), &spec()).is_ok());
 }
 
@@ -231,14 +225,13 @@ fn an_archive_that_understates_its_sizes_is_refused_as_it_is_unpacked() {
     let mut packed =
         zip(&[("modelDescription.xml", MASS), (LIBRARY, ""), ("resources/a", &zeros), ("resources/b", &zeros)]);
     let size = (zeros.len() as u32).to_le_bytes();
-    // Both the local head of an entry and the central directory state its size.
     let places: Vec<usize> = (0..packed.len() - 4).filter(|at| packed[*at..at + 4] == size).collect();
     assert!(places.len() >= 2);
     places.into_iter().for_each(|at| packed[at..at + 4].copy_from_slice(&1_u32.to_le_bytes()));
     let source = Source::read(packed, &spec()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let refused = source.archive.unpack("x86_64-linux", folder.path()).unwrap_err();
-    assert!(matches!(refused, ImportError::Archive { .. }), "{refused}");
+    assert!(matches!(refused, ImportError::TooLarge { .. } | ImportError::Zip { .. }), "{refused}");
     let written = std::fs::read_dir(folder.path().join("resources")).unwrap();
     let written: u64 = written.map(|entry| entry.unwrap().metadata().unwrap().len()).sum();
     assert!(written <= 101_000_000, "{written}");

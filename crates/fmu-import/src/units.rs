@@ -22,13 +22,17 @@ pub(crate) struct Unit {
 /// A conversion to SI and back; without one the number is the same to the last bit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Conversion {
-    pub factor: f64,
-    pub offset: f64,
+    factor: f64,
+    offset: f64,
 }
 
 impl Conversion {
     /// The conversion that leaves every number unchanged.
     pub const NONE: Conversion = Conversion { factor: 1.0, offset: 0.0 };
+
+    pub fn new(factor: f64, offset: f64) -> Conversion {
+        Conversion { factor, offset }
+    }
 
     /// The SI value of a variable's value.
     pub fn to_si(self, value: f64) -> f64 {

@@ -4,8 +4,8 @@ use core::ffi::{CStr, c_char, c_int, c_void};
 use std::ffi::CString;
 use std::sync::Arc;
 
-use super::{Called, Fmi, Free, Handle, Library, Plain, StartError, function, pass_on};
-use crate::message::{Answers, StepCall, Stepped};
+use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StartError, StepOutcome, function, text};
+use crate::message::Answers;
 
 /// Value `fmi2CoSimulation` of `fmi2Type`.
 const CO_SIMULATION: c_int = 1;
@@ -68,10 +68,12 @@ unsafe extern "C" fn log(
     _category: *const c_char,
     message: *const c_char,
 ) {
-    // The message is a format of `printf` whose arguments are not read: a `%s` in it is passed on as it is.
-    // SAFETY: the environment that was given with this function, which lives as long as the instance, and a text, as the
-    // standard states.
-    unsafe { pass_on(environment, status, message) };
+    // SAFETY: the environment that was given with this function, which lives as long as the instance.
+    let said = unsafe { environment.cast::<Said>().as_ref() };
+    if let Some(said) = said {
+        // SAFETY: a text, as the standard states.
+        said.note(status, &unsafe { text(message) });
+    }
 }
 
 /// The folder as a URI: `file:///…`, of which letters, digits and a few signs stand for themselves (RFC 3986).
@@ -89,7 +91,7 @@ fn uri(folder: &CStr) -> CString {
 
 impl Fmi2 {
     /// Creates an instance; [`begin`](super::begin) starts its simulation.
-    pub fn new(library: Library, token: &CStr, resources: &CStr, answers: Arc<Answers>) -> Result<Fmi2, StartError> {
+    pub fn new(library: Library, spec: &InstanceSpec<'_>, answers: Arc<Answers>) -> Result<Fmi2, StartError> {
         let instantiate = function!(library, Instantiate, c"fmi2Instantiate");
         let setup = function!(library, Setup, c"fmi2SetupExperiment");
         let enter = function!(library, Plain, c"fmi2EnterInitializationMode");
@@ -100,19 +102,21 @@ impl Fmi2 {
         let real_status = function!(library, GetRealStatus, c"fmi2GetRealStatus");
         let boolean_status = function!(library, GetBooleanStatus, c"fmi2GetBooleanStatus");
         let ends = (function!(library, Plain, c"fmi2Terminate"), function!(library, Free, c"fmi2FreeInstance"));
+        let said = Box::new(Said(answers));
+        let environment = core::ptr::from_ref(&*said).cast_mut().cast();
         let callbacks = Box::new(Callbacks {
             logger: log,
             allocate: libc::calloc,
             free: libc::free,
-            // NULL is allowed where no step is asynchronous: `fmi2DoStep` has to return at the end of the step.
             step_finished: core::ptr::null(),
-            environment: Handle::environment(&answers),
+            environment,
         });
-        let (name, token, resources) = (c"structure".as_ptr(), token.as_ptr(), uri(resources));
+        let resources = uri(spec.resources);
+        let (name, token) = (c"structure".as_ptr(), spec.token.as_ptr());
         // SAFETY: texts, and functions that live as long as the instance.
         let pointer =
             unsafe { instantiate(name, CO_SIMULATION, token, resources.as_ptr(), &raw const *callbacks, FALSE, FALSE) };
-        let handle = Handle::new(pointer, "fmi2Instantiate", answers, ends, library)?;
+        let handle = Handle::new(pointer, "fmi2Instantiate", said, ends, library)?;
         Ok(Fmi2 { handle, _callbacks: callbacks, setup, enter, exit, set, get, step, real_status, boolean_status })
     }
 }
@@ -133,7 +137,6 @@ impl Fmi for Fmi2 {
     }
 
     fn enter_initialization(&mut self) -> Called {
-        // Neither a tolerance nor a stop time is stated: a run may be stopped at any time.
         // SAFETY: an instance, here and below.
         let status = unsafe { (self.setup)(self.handle.pointer, FALSE, 0.0, 0.0, FALSE, 0.0) };
         let called = self.handle.called("fmi2SetupExperiment", status);
@@ -152,25 +155,24 @@ impl Fmi for Fmi2 {
     }
 
     /// Makes a communication step. If the FMU discards it, asks how far it came.
-    fn step(&mut self, from_s: f64, step_s: f64) -> Stepped {
+    fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome {
         // TRUE: no state from before this point is returned to, so the FMU need not keep one.
         // SAFETY: an instance.
         let status = unsafe { (self.step)(self.handle.pointer, from_s, step_s, TRUE) };
-        self.handle.called("fmi2DoStep", status);
-        let mut stepped = Stepped { call: StepCall::Step, status, terminates: false, reached_s: None };
-        if status == DISCARD {
-            let (mut reached_s, mut terminated) = (f64::NAN, FALSE);
-            // SAFETY: an instance, and variables to write to.
-            let (time, end) = unsafe {
-                (
-                    (self.real_status)(self.handle.pointer, LAST_SUCCESSFUL_TIME, &mut reached_s),
-                    (self.boolean_status)(self.handle.pointer, TERMINATED, &mut terminated),
-                )
-            };
-            stepped.terminates = end == 0 && terminated != FALSE;
-            stepped.reached_s = (time == 0).then_some(reached_s);
+        let called = self.handle.called("fmi2DoStep", status);
+        if status != DISCARD {
+            return StepOutcome { called, terminates: false, reached_s: None };
         }
-        stepped
+        let (mut reached_s, mut terminated) = (f64::NAN, FALSE);
+        // SAFETY: an instance, and variables to write to.
+        let (time, end) = unsafe {
+            (
+                (self.real_status)(self.handle.pointer, LAST_SUCCESSFUL_TIME, &mut reached_s),
+                (self.boolean_status)(self.handle.pointer, TERMINATED, &mut terminated),
+            )
+        };
+        let terminates = end == 0 && terminated != FALSE;
+        StepOutcome { called, terminates, reached_s: (time == 0).then_some(reached_s) }
     }
 
     fn handle(&mut self) -> &mut Handle {

@@ -1,10 +1,10 @@
 //! Binding of the C functions of FMI 3.0 for co-simulation.
 
-use core::ffi::{CStr, c_char, c_int, c_void};
+use core::ffi::{c_char, c_int, c_void};
 use std::sync::Arc;
 
-use super::{Called, Fmi, Free, Handle, Library, Plain, StartError, function, pass_on};
-use crate::message::{Answers, StepCall, Stepped};
+use super::{Called, Fmi, Free, Handle, InstanceSpec, Library, Plain, Said, StartError, StepOutcome, function, text};
+use crate::message::Answers;
 
 type Instantiate = unsafe extern "C" fn(
     *const c_char,
@@ -37,15 +37,18 @@ pub(crate) struct Fmi3 {
 }
 
 unsafe extern "C" fn log(environment: *mut c_void, status: c_int, _category: *const c_char, message: *const c_char) {
-    // SAFETY: the environment that was given with this function, which lives as long as the instance, and a text, as the
-    // standard states.
-    unsafe { pass_on(environment, status, message) };
+    // SAFETY: the environment that was given with this function, which lives as long as the instance.
+    let said = unsafe { environment.cast::<Said>().as_ref() };
+    if let Some(said) = said {
+        // SAFETY: a text, as the standard states.
+        said.note(status, &unsafe { text(message) });
+    }
 }
 
 impl Fmi3 {
     /// Creates an instance; [`begin`](super::begin) starts its simulation. Event mode and early return are not used:
     /// the FMU handles its events itself and completes each step.
-    pub fn new(library: Library, token: &CStr, resources: &CStr, answers: Arc<Answers>) -> Result<Fmi3, StartError> {
+    pub fn new(library: Library, spec: &InstanceSpec<'_>, answers: Arc<Answers>) -> Result<Fmi3, StartError> {
         let instantiate = function!(library, Instantiate, c"fmi3InstantiateCoSimulation");
         let enter = function!(library, EnterInitialization, c"fmi3EnterInitializationMode");
         let exit = function!(library, Plain, c"fmi3ExitInitializationMode");
@@ -53,12 +56,14 @@ impl Fmi3 {
         let get = function!(library, GetFloat64, c"fmi3GetFloat64");
         let step = function!(library, DoStep, c"fmi3DoStep");
         let ends = (function!(library, Plain, c"fmi3Terminate"), function!(library, Free, c"fmi3FreeInstance"));
+        let said = Box::new(Said(answers));
+        let environment = core::ptr::from_ref(&*said).cast_mut().cast();
         // SAFETY: texts, no intermediate variables, and what `log` expects.
         let pointer = unsafe {
             instantiate(
                 c"structure".as_ptr(),
-                token.as_ptr(),
-                resources.as_ptr(),
+                spec.token.as_ptr(),
+                spec.resources.as_ptr(),
                 // visible, loggingOn, eventModeUsed and earlyReturnAllowed.
                 false,
                 false,
@@ -66,12 +71,12 @@ impl Fmi3 {
                 false,
                 core::ptr::null(),
                 0,
-                Handle::environment(&answers),
+                environment,
                 log,
                 core::ptr::null(),
             )
         };
-        let handle = Handle::new(pointer, "fmi3InstantiateCoSimulation", answers, ends, library)?;
+        let handle = Handle::new(pointer, "fmi3InstantiateCoSimulation", said, ends, library)?;
         Ok(Fmi3 { handle, enter, exit, set, get, step })
     }
 }
@@ -103,17 +108,14 @@ impl Fmi for Fmi3 {
         self.handle.called("fmi3ExitInitializationMode", status)
     }
 
-    fn step(&mut self, from_s: f64, step_s: f64) -> Stepped {
+    fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome {
         let (mut event, mut terminates, mut early, mut reached_s) = (false, false, false, f64::NAN);
         let pointer = self.handle.pointer;
-        // `true`: no state from before this point is returned to. The need of an event and an early return are not looked
-        // at, since the instance was created without both.
         // SAFETY: an instance, and four variables to write to.
         let status = unsafe {
             (self.step)(pointer, from_s, step_s, true, &mut event, &mut terminates, &mut early, &mut reached_s)
         };
-        self.handle.called("fmi3DoStep", status);
-        Stepped { call: StepCall::Step, status, terminates, reached_s: Some(reached_s) }
+        StepOutcome { called: self.handle.called("fmi3DoStep", status), terminates, reached_s: Some(reached_s) }
     }
 
     fn handle(&mut self) -> &mut Handle {

@@ -8,8 +8,7 @@
 mod fmi2;
 mod fmi3;
 
-use core::ffi::{CStr, c_char, c_int, c_void};
-use core::fmt::Display;
+use core::ffi::{CStr, c_int, c_void};
 use std::ffi::CString;
 use std::path::Path;
 use std::sync::Arc;
@@ -17,22 +16,23 @@ use std::sync::Arc;
 pub(crate) use fmi2::Fmi2;
 pub(crate) use fmi3::Fmi3;
 
-use crate::mapping::Mapping;
-use crate::message::{Answer, Answers, Stepped};
+use crate::message::{Answer, Answers};
 
 /// Why the simulation of an FMU can't begin.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum StartError {
-    /// What is wrong with the library: it can't be loaded, or lacks a function.
-    Library(String),
+    /// The library can't be loaded: what the loader says.
+    Load(String),
+    /// The library lacks a function.
+    Function(&'static str),
     /// A function returned this status; `None` for an instance that is NULL.
-    Refused { function: String, status: Option<i32> },
+    Status { function: &'static str, status: Option<c_int> },
 }
 
 impl StartError {
-    /// The error of a library that can't be loaded.
-    pub fn unloadable(reason: impl Display) -> StartError {
-        StartError::Library(format!("can't be loaded: {reason}"))
+    /// The error of a call that failed.
+    pub fn of(called: Called) -> StartError {
+        StartError::Status { function: called.function, status: Some(called.status) }
     }
 }
 
@@ -44,17 +44,14 @@ pub(crate) struct Library {
 impl Library {
     /// Loads a library, with all that it needs.
     pub fn load(path: &Path) -> Result<Library, StartError> {
-        // As bytes: a path of Linux need not be UTF-8.
         let name = CString::new(path.as_os_str().as_encoded_bytes());
-        let name = name.map_err(|_| StartError::unloadable("its path has a NUL"))?;
-        // RTLD_NOW makes a missing symbol an error of loading, and not a crash in a later call. RTLD_LOCAL keeps the symbols
-        // of the FMU from resolving those of libraries that are loaded later.
+        let name = name.map_err(|_| StartError::Load("its path has a NUL".into()))?;
         // SAFETY: a text; the code that runs is the user's choice, and has this process for itself.
         let handle = unsafe { libc::dlopen(name.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };
         if handle.is_null() {
             // SAFETY: the text of the failed call above, on this thread.
-            let reason = unsafe { text(libc::dlerror()) };
-            return Err(StartError::unloadable(reason));
+            let reason = unsafe { text(libc::dlerror()) }.into_owned();
+            return Err(StartError::Load(reason));
         }
         Ok(Library { handle })
     }
@@ -64,7 +61,7 @@ impl Library {
         // SAFETY: a library that is loaded, and a text.
         let address = unsafe { libc::dlsym(self.handle, name.as_ptr()) };
         if address.is_null() {
-            return Err(StartError::Library(format!("has no function `{}`", name.to_string_lossy())));
+            return Err(StartError::Function(name.to_str().unwrap_or_default()));
         }
         Ok(address)
     }
@@ -86,17 +83,15 @@ macro_rules! function {
 }
 pub(crate) use function;
 
-/// Passes on what an instance says, from any of its threads, with a status as the standards number them: 1 is a warning,
-/// from 2 on they are errors.
-///
-/// # Safety
-/// `environment` is what [`Handle::environment`] gave to an instance that lives, or NULL; `message` is as for [`text`].
-unsafe fn pass_on(environment: *mut c_void, status: c_int, message: *const c_char) {
-    // SAFETY: as the caller states.
-    let (answers, text) = unsafe { (environment.cast::<Answers>().as_ref(), text(message)) };
-    if let Some(answers) = answers {
+/// Passes on what an instance says, from any of its threads.
+#[derive(Debug)]
+pub(crate) struct Said(Arc<Answers>);
+
+impl Said {
+    /// Passes on a message, of a status as the standards number them, 1 a warning and from 2 on errors.
+    fn note(&self, status: c_int, text: &str) {
         // Nobody listens if the pipe is closed: the next request finds that out.
-        let _closed = answers.send(&Answer::Says { status, text: text.trim().to_owned() }, &[]);
+        let _closed = self.0.send(&Answer::Says { status, text: text.trim().to_owned() }, &[]);
     }
 }
 
@@ -104,14 +99,21 @@ unsafe fn pass_on(environment: *mut c_void, status: c_int, message: *const c_cha
 ///
 /// # Safety
 /// NULL, or a text that ends with NUL.
-unsafe fn text<'a>(text: *const c_char) -> std::borrow::Cow<'a, str> {
+unsafe fn text<'a>(text: *const core::ffi::c_char) -> std::borrow::Cow<'a, str> {
     // SAFETY: as the caller states.
     if text.is_null() { "".into() } else { unsafe { CStr::from_ptr(text) }.to_string_lossy() }
 }
 
-/// Whether a call with this status succeeded: OK or Warning, which both standards number alike.
-pub(crate) fn is_good(status: i32) -> bool {
-    matches!(status, 0 | 1)
+/// What an instance is created with, and the values with which its simulation begins.
+#[derive(Debug)]
+pub(crate) struct InstanceSpec<'a> {
+    pub token: &'a CStr,
+    /// The folder of its resources, with a separator at the end.
+    pub resources: &'a CStr,
+    /// The values of parameters.
+    pub parameters: &'a [(u32, Vec<f64>)],
+    /// The inputs with their values at the start.
+    pub inputs: (&'a [u32], &'a [f64]),
 }
 
 /// A function that was called, and the status that it returned.
@@ -122,20 +124,20 @@ pub(crate) struct Called {
 }
 
 impl Called {
-    /// Whether it succeeded.
+    /// Whether it succeeded: OK or Warning.
     pub fn is_good(self) -> bool {
-        is_good(self.status)
+        matches!(self.status, 0 | 1)
     }
+}
 
-    /// The error of a call before the simulation, unless it succeeded.
-    pub fn checked(self) -> Result<(), StartError> {
-        let Called { function, status } = self;
-        if is_good(status) {
-            Ok(())
-        } else {
-            Err(StartError::Refused { function: function.into(), status: Some(status) })
-        }
-    }
+/// Outcome of a communication step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StepOutcome {
+    pub called: Called,
+    /// Whether the FMU asks to end the simulation.
+    pub terminates: bool,
+    /// Time that the FMU says it has reached, s; `None` if it does not say.
+    pub reached_s: Option<f64>,
 }
 
 /// An instance of FMI 2.0 or 3.0.
@@ -153,24 +155,33 @@ pub(crate) trait Fmi {
     fn exit_initialization(&mut self) -> Called;
 
     /// Makes a communication step of `step_s` from `from_s` on, s. No state from before it is returned to.
-    fn step(&mut self, from_s: f64, step_s: f64) -> Stepped;
+    fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome;
 
     /// The part that both versions share: pointer, messages and statuses.
     fn handle(&mut self) -> &mut Handle;
 }
 
+/// The error of a call before the simulation, unless it succeeded.
+fn check(called: Called) -> Result<(), StartError> {
+    if called.is_good() { Ok(()) } else { Err(StartError::of(called)) }
+}
+
 /// Sets parameters and inputs, and begins the simulation at time 0.
-pub(crate) fn begin(fmu: &mut dyn Fmi, mapping: &Mapping) -> Result<(), StartError> {
+pub(crate) fn begin(fmu: &mut dyn Fmi, spec: &InstanceSpec<'_>) -> Result<(), StartError> {
     // Parameters come before initialization mode, in which the FMU computes its start from them.
-    for (reference, values) in &mapping.parameters {
-        fmu.set(&[*reference], values).checked()?;
+    for (reference, values) in spec.parameters {
+        let called = fmu.set(&[*reference], values);
+        check(called)?;
     }
-    fmu.enter_initialization().checked()?;
-    // The outputs at time 0 follow from these inputs, which are those of a plant without load.
-    if !mapping.set.references.is_empty() {
-        fmu.set(&mapping.set.references, &mapping.set_at_rest()).checked()?;
+    let called = fmu.enter_initialization();
+    check(called)?;
+    let (references, values) = spec.inputs;
+    if !references.is_empty() {
+        let called = fmu.set(references, values);
+        check(called)?;
     }
-    fmu.exit_initialization().checked()?;
+    let called = fmu.exit_initialization();
+    check(called)?;
     fmu.handle().is_running = true;
     Ok(())
 }
@@ -182,7 +193,7 @@ type Free = unsafe extern "C" fn(*mut c_void);
 pub(crate) struct Handle {
     pointer: *mut c_void,
     /// Kept here because the instance has its address, as the environment of its messages.
-    _answers: Arc<Answers>,
+    _said: Box<Said>,
     /// Whether the simulation has begun.
     is_running: bool,
     /// The worst status so far.
@@ -202,19 +213,14 @@ impl Handle {
     fn new(
         pointer: *mut c_void,
         instantiate: &'static str,
-        answers: Arc<Answers>,
+        said: Box<Said>,
         (terminate, free): (Plain, Free),
         library: Library,
     ) -> Result<Handle, StartError> {
         if pointer.is_null() {
-            return Err(StartError::Refused { function: instantiate.into(), status: None });
+            return Err(StartError::Status { function: instantiate, status: None });
         }
-        Ok(Handle { pointer, _answers: answers, is_running: false, worst: 0, terminate, free, library: Some(library) })
-    }
-
-    /// The environment with which an instance passes on its messages.
-    fn environment(answers: &Arc<Answers>) -> *mut c_void {
-        Arc::as_ptr(answers).cast_mut().cast()
+        Ok(Handle { pointer, _said: said, is_running: false, worst: 0, terminate, free, library: Some(library) })
     }
 
     /// Notes what a function returned.
@@ -228,8 +234,6 @@ impl Drop for Handle {
     fn drop(&mut self) {
         // SAFETY: an instance, which nobody uses any more, in a state in which the calls are allowed.
         unsafe {
-            // An instance that has returned an error can only be freed, and one whose simulation has not begun has
-            // nothing to terminate.
             if self.is_running && self.worst < Handle::ERROR {
                 (self.terminate)(self.pointer);
             }

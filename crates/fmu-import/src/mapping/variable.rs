@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Dof, of_key};
+use super::Dof;
 use crate::description::{Description, Variable};
 use crate::units::{self, Conversion, Exponents};
 use crate::{ImportError, Numbers};
@@ -70,7 +70,6 @@ impl Block {
     /// Returns the place of a number in the block, to which its variable is added unless it is there.
     pub(super) fn slot(&mut self, named: &Named) -> Slot {
         let Block { references, count, first } = self;
-        // Aliases share a value reference, and it is set or read only once.
         let first = *first.entry(named.reference).or_insert_with(|| {
             references.push(named.reference);
             let first = *count;
@@ -83,7 +82,6 @@ impl Block {
 
 /// The variable `name` and the element of it: the name as it is, or that of an array with a number in brackets.
 fn find<'a>(description: &'a Description, key: &str, name: &str) -> Result<(&'a Variable, Option<usize>), ImportError> {
-    // The whole name is tried first: tools write the elements of an array as scalars whose names have brackets, too.
     if let Some(variable) = description.variables.get(name) {
         return Ok((variable, None));
     }
@@ -96,10 +94,9 @@ fn find<'a>(description: &'a Description, key: &str, name: &str) -> Result<(&'a 
         return Ok((variable, Some(number)));
     }
     let near = description.variables.keys().map(|known| (strsim::normalized_damerau_levenshtein(name, known), known));
-    // A name that shares less than half with the given one would mislead.
     let nearest = near.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(similarity, _)| *similarity > 0.5);
-    let nearest = nearest.map(|(_, known)| format!(", did you mean `{known}`?")).unwrap_or_default();
-    Err(of_key(key, format!("the FMU has no variable `{name}`{nearest}")))
+    let nearest = nearest.map(|(_, known)| known.clone());
+    Err(ImportError::Variable { key: key.to_owned(), name: name.to_owned(), nearest })
 }
 
 fn check_type(description: &Description, key: &str, name: &str, variable: &Variable) -> Result<(), ImportError> {
@@ -107,11 +104,7 @@ fn check_type(description: &Description, key: &str, name: &str, variable: &Varia
     if variable.kind == expected {
         return Ok(());
     }
-    Err(of_key(key, format!("`{name}` is of type {}: {expected} is taken", variable.kind)))
-}
-
-fn of_causality(key: &str, name: &str, variable: &Variable, expected: &str) -> ImportError {
-    of_key(key, format!("`{name}` is of causality {}: it must be {expected}", variable.causality))
+    Err(ImportError::Type { key: key.to_owned(), name: name.to_owned(), got: variable.kind.clone(), expected })
 }
 
 /// The number that `name` names, which the key of the section `structure` is to be.
@@ -123,16 +116,16 @@ pub(super) fn named(description: &Description, key: &str, name: &str, of: Of) ->
         false => (matches!(variable.causality.as_str(), "output" | "local"), "output or local"),
     };
     if !fits {
-        return Err(of_causality(key, name, variable, expected));
+        let got = variable.causality.clone();
+        return Err(ImportError::Causality { key: key.to_owned(), name: name.to_owned(), got, expected });
     }
     let elements = variable.elements.unwrap_or(1);
     let element = match (number, variable.elements) {
         (None, None) => 0,
         (Some(number), Some(elements)) if (1..=elements).contains(&number) => number - 1,
         _ => {
-            let name = name.split('[').next().unwrap_or(name);
-            let expected = format!("name one element, `{name}[1]` to `{name}[{elements}]`");
-            return Err(of_key(key, format!("`{name}` is an array of {elements}: {expected}")));
+            let name = name.split('[').next().unwrap_or(name).to_owned();
+            return Err(ImportError::Element { key: key.to_owned(), name, elements });
         }
     };
     let conversion = conversion(description, key, name, variable, of)?;
@@ -151,12 +144,15 @@ fn conversion(
     let Some((unit_name, unit)) = unit else { return Ok(Conversion::NONE) };
     let Some(got) = unit.exponents else { return Ok(Conversion::NONE) };
     if let Some(expected) = of.exponents().filter(|expected| *expected != got) {
-        let (got, expected) = (units::words(&got), units::words(&expected));
-        let reason = format!("the unit `{unit_name}` of `{name}` is {got} in base units: {expected} is needed");
-        return Err(of_key(key, reason));
+        return Err(ImportError::Unit {
+            key: key.to_owned(),
+            name: name.to_owned(),
+            unit: unit_name.clone(),
+            got: units::words(&got),
+            expected: units::words(&expected),
+        });
     }
-    // A difference has no offset: 1 °C of a relative quantity is 1 K.
-    Ok(Conversion { factor: unit.factor, offset: if variable.is_relative { 0.0 } else { unit.offset } })
+    Ok(Conversion::new(unit.factor, if variable.is_relative { 0.0 } else { unit.offset }))
 }
 
 /// Warns of a variable whose unit the FMU does not define in SI, which is taken as SI.
@@ -181,19 +177,22 @@ pub(super) fn parameters(
 ) -> Result<Vec<(u32, Vec<f64>)>, ImportError> {
     let one = |(name, numbers): (&String, &Numbers)| {
         let key = "parameters";
-        let (variable, _) = find(description, key, name)?;
+        let variable = description
+            .variables
+            .get(name)
+            .map_or_else(|| find(description, key, name).map(|(variable, _)| variable), Ok)?;
         check_type(description, key, name, variable)?;
         if !variable.is_exact {
+            let (key, name, got) = (key.to_owned(), name.clone(), variable.causality.clone());
             let expected = "parameter, or have a start value (initial = exact)";
-            return Err(of_causality(key, name, variable, expected));
+            return Err(ImportError::Causality { key, name, got, expected });
         }
         let (numbers, expected) = (numbers.as_slice(), variable.elements.unwrap_or(1));
         if numbers.len() != expected {
-            let got = numbers.len();
-            return Err(of_key(key, format!("`{name}` has {expected} numbers, and {got} are given")));
+            return Err(ImportError::Length { name: name.clone(), got: numbers.len(), expected });
         }
         match numbers.iter().find(|number| !number.is_finite()) {
-            Some(got) => Err(of_key(key, format!("`{name}` is {got}: it must be finite"))),
+            Some(got) => Err(ImportError::Value { name: name.clone(), got: *got }),
             None => Ok((variable.reference, numbers.to_vec())),
         }
     };
