@@ -60,10 +60,9 @@ pub enum Fault {
     /// A recording can't be written.
     #[error(transparent)]
     Recording(#[from] RecordingError),
-    /// The call is one that this FMU does not support, or has an invalid argument. The importer sees no more of it than
-    /// the status `fmi3Error` and this text.
-    #[error("{0}")]
-    Call(String),
+    /// The call is one that this FMU does not support, or has an invalid argument.
+    #[error(transparent)]
+    Call(#[from] WrongCall),
     /// The call is not one of this state.
     #[error("not allowed in {state}: it is allowed in {legal}")]
     WrongState {
@@ -105,13 +104,28 @@ pub enum Fault {
     /// A saved state that is not of this FMU, with what differs.
     #[error("the bytes are not a state of this FMU: {0}")]
     Saved(&'static str),
-    /// A terminal received bytes that end within an operation, or has frames that nobody fetches.
-    #[error("`{name}`: {reason}")]
-    Terminal {
-        /// Name of the terminal.
+    /// Bytes that end within an operation.
+    #[error(
+        "`{name}`: the operation at byte {at} has {got} bytes, expected {expected}: the bytes were cut off, or are not \
+         operations of FMI-LS-BUS"
+    )]
+    Operation {
+        /// Name of the terminal that received the bytes.
         name: String,
-        /// What is wrong with its bytes.
-        reason: String,
+        /// Byte at which the operation begins.
+        at: usize,
+        /// The bytes that are left from there on.
+        got: usize,
+        /// Length that the operation states, bytes.
+        expected: usize,
+    },
+    /// Frames that nobody fetches.
+    #[error("`{name}`: {bytes} bytes wait to be sent: the importer never activates the clock `{name}.Tx_Clock`")]
+    Untaken {
+        /// Name of the terminal with the waiting frames.
+        name: String,
+        /// The bytes that wait.
+        bytes: usize,
     },
     /// A bus without a bit rate.
     #[error("the scenario gives no network.bit_rate_hz: a bus on which frames take time needs it")]
@@ -135,12 +149,107 @@ pub enum Fault {
     Panic(String),
 }
 
-impl Fault {
-    /// The error of a function that the description says is not to be called.
-    pub(crate) fn not_offered(why: &str) -> Fault {
-        Fault::Call(format!("this FMU does not support the function: {why}"))
-    }
+/// Reason why a call is wrong, whatever the state of the instance.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum WrongCall {
+    /// A kind of instance that the FMU does not offer.
+    #[error("the FMU supports co-simulation only: call fmi3InstantiateCoSimulation")]
+    NotCoSimulation,
+    /// The importer does not use event mode, without which no frame moves.
+    #[error("eventModeUsed is false: the FMU exchanges frames only in event mode; set eventModeUsed to true")]
+    NeedsEventMode,
+    /// A text is not UTF-8.
+    #[error("{what} is not UTF-8")]
+    NotUtf8 {
+        /// Name of the argument that is not UTF-8.
+        what: &'static str,
+    },
+    /// A pointer is NULL.
+    #[error("{what} is NULL")]
+    Null {
+        /// Name of the argument that is NULL.
+        what: &'static str,
+    },
+    /// The function is not one of this FMU.
+    #[error("this FMU does not support the function: {why}")]
+    NotOffered {
+        /// Capability that the model description states.
+        why: &'static str,
+    },
+    /// No variable has the value reference.
+    #[error("no variable has the value reference {got}: it must be from 0 to {most}")]
+    UnknownReference {
+        /// Value reference that no variable has.
+        got: u32,
+        /// Largest value reference of the FMU.
+        most: usize,
+    },
+    /// A variable of another type.
+    #[error("`{name}` is of the type {is}: use the function for that type")]
+    WrongType {
+        /// Name of the variable.
+        name: String,
+        /// Type of the variable in the model description.
+        is: &'static str,
+    },
+    /// A variable that can't be set now.
+    #[error("`{name}` can't be set in {state}: {why}")]
+    NotSettable {
+        /// Name of the variable.
+        name: String,
+        /// The state of the instance.
+        state: State,
+        /// States in which the variable can be set.
+        why: &'static str,
+    },
+    /// Another number of values than of value references.
+    #[error("got {values} values for {references} value references: expected one value for each")]
+    Lengths {
+        /// Number of value references given.
+        references: usize,
+        /// Number of values given.
+        values: usize,
+    },
+    /// The start time is not finite.
+    #[error("the start time is {got_s} s: it must be finite")]
+    StartTime {
+        /// Start time that was given, s.
+        got_s: f64,
+    },
+    /// The step does not begin where the last one ended.
+    #[error("the step begins at {got_s} s: it must begin at {at_s} s, the time of the FMU")]
+    StepStart {
+        /// Time at which the step begins, s.
+        got_s: f64,
+        /// Time of the FMU, s.
+        at_s: f64,
+    },
+    /// The length of a step is impossible.
+    #[error("the length of the step is {got_s} s: it must be finite and not negative")]
+    StepSize {
+        /// Requested length of the step, s.
+        got_s: f64,
+    },
+    /// Time does not advance by the step.
+    #[error("the step of {got_s} s is too small: it does not advance the time {at_s} s; make a longer step")]
+    StepTooSmall {
+        /// Requested length of the step, s.
+        got_s: f64,
+        /// Time at which the step begins, s.
+        at_s: f64,
+    },
+    /// A buffer of another length than the state has.
+    #[error("got {got} bytes: the state has {expected}")]
+    SavedLength {
+        /// Length of the buffer given, bytes.
+        got: usize,
+        /// Length of the state, bytes.
+        expected: usize,
+    },
+}
 
+impl Fault {
     /// The message in the importer's log: an error of a call itself begins with the name of the function.
     pub(crate) fn in_call(&self, call: &str) -> String {
         match self {

@@ -29,4 +29,4 @@ mod terminals;
 mod units;
 mod variables;
 
-pub use fault::Fault;
+pub use fault::{Fault, WrongCall};

@@ -3,6 +3,7 @@
 use crate::Fault;
 use crate::bus::BusModel;
 use crate::content::{Content, Interface, Role, Settings};
+use crate::fault::WrongCall;
 use crate::node::{Node, SavedNode};
 use crate::signals::{SavedSignals, Signals};
 use crate::terminal::Terminal;
@@ -116,12 +117,12 @@ pub(crate) trait Model {
 
     /// Returns a copy of the current state.
     fn save(&mut self) -> Result<Saved, Fault> {
-        Err(Fault::not_offered(NO_STATES))
+        Err(WrongCall::NotOffered { why: NO_STATES }.into())
     }
 
     /// Returns to a state.
     fn restore(&mut self, _saved: &Saved) -> Result<(), Fault> {
-        Err(Fault::not_offered(NO_STATES))
+        Err(WrongCall::NotOffered { why: NO_STATES }.into())
     }
 
     /// The simulation ends: a recording is finished.

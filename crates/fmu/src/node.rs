@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use crate::Fault;
 use crate::content::TxClock;
+use crate::fault::WrongCall;
 use crate::model::{Inputs, Model, NO_STATES, Saved, Span, of_other_interface, reached};
 use crate::operation::{BusErrorCode, Operation, Status};
 use crate::tape::{Mark, Tape};
@@ -271,7 +272,7 @@ impl Model for Node {
 
     fn save(&mut self) -> Result<Saved, Fault> {
         let End::Plant(plant) = &self.end else {
-            return Err(Fault::not_offered(NO_STATES));
+            return Err(WrongCall::NotOffered { why: NO_STATES }.into());
         };
         Ok(Saved::Node(Box::new(SavedNode {
             plant: plant.clone(),

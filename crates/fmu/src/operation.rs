@@ -127,19 +127,13 @@ impl Operation {
 /// The operations in `bytes`; in place of a malformed one the Format Error that answers it.
 ///
 /// # Errors
-/// [`Fault::Terminal`] if the bytes end within an operation: nothing behind it can be read.
+/// [`Fault::Operation`] if the bytes end within an operation: nothing behind it can be read.
 pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Result<Operation, Operation>>, Fault> {
     let mut operations = Vec::new();
     let mut rest = bytes;
     while !rest.is_empty() {
-        let truncated = |expected: usize| {
-            let (at, got) = (bytes.len() - rest.len(), rest.len());
-            let reason = format!(
-                "the operation at byte {at} has {got} bytes, expected {expected}: the bytes were cut off, or are not \
-                 operations of FMI-LS-BUS"
-            );
-            Fault::Terminal { name: name.to_string(), reason }
-        };
+        let (at, got) = (bytes.len() - rest.len(), rest.len());
+        let truncated = |expected| Fault::Operation { name: name.to_string(), at, got, expected };
         let Some((head, _)) = rest.split_first_chunk::<HEAD>() else { return Err(truncated(HEAD)) };
         let [code, length] = [&head[..4], &head[4..]].map(|half| half.try_into().map_or(0, u32::from_le_bytes));
         // A length below that of the head would not advance, and the loop would never end.

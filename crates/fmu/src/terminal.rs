@@ -53,12 +53,8 @@ impl Terminal {
 
     /// Refuses to keep what no importer fetches.
     pub fn check(&self) -> Result<(), Fault> {
-        let (name, bytes) = (self.name.clone(), self.outgoing.len());
-        if bytes <= MOST_BYTES {
-            return Ok(());
-        }
-        let cause = format!("the importer never activates the clock `{name}.Tx_Clock`");
-        Err(Fault::Terminal { name, reason: format!("{bytes} bytes wait to be sent: {cause}") })
+        let bytes = self.outgoing.len();
+        if bytes > MOST_BYTES { Err(Fault::Untaken { name: self.name.clone(), bytes }) } else { Ok(()) }
     }
 
     /// Returns the operations to be sent, as `Tx_Data` has them.

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::{ERROR, FATAL, Handle, Log, LogMessage, OK, give, on, reason, text};
 use crate::Fault;
+use crate::fault::WrongCall;
 use crate::instance::Instance;
 
 /// Returns the version of FMI.
@@ -92,8 +93,7 @@ pub extern "C" fn fmi3InstantiateScheduledExecution(
 }
 
 fn refuse(log: Log, call: &str) -> *mut c_void {
-    let reason = "the FMU supports co-simulation only: call fmi3InstantiateCoSimulation";
-    log.error(ERROR, call, &Fault::Call(reason.into()));
+    log.error(ERROR, call, &WrongCall::NotCoSimulation.into());
     core::ptr::null_mut()
 }
 

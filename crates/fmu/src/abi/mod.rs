@@ -19,6 +19,7 @@ use std::ffi::CString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::Fault;
+use crate::fault::WrongCall;
 use crate::instance::Instance;
 
 /// Status `fmi3OK`: the call succeeded.
@@ -90,11 +91,11 @@ fn reason(panic: &(dyn core::any::Any + Send)) -> String {
 ///
 /// # Safety
 /// `pointer` is NULL or points at `length` elements that live and are not written for as long as the result is used.
-unsafe fn slice<'a, T>(what: &str, pointer: *const T, length: usize) -> Result<&'a [T], Fault> {
+unsafe fn slice<'a, T>(what: &'static str, pointer: *const T, length: usize) -> Result<&'a [T], Fault> {
     match (pointer.is_null(), length) {
         // Importers pass NULL for an array without elements, and a slice may not begin at NULL.
         (_, 0) => Ok(&[]),
-        (true, _) => Err(null(what)),
+        (true, _) => Err(WrongCall::Null { what }.into()),
         // SAFETY: as stated.
         (false, _) => Ok(unsafe { core::slice::from_raw_parts(pointer, length) }),
     }
@@ -104,40 +105,31 @@ unsafe fn slice<'a, T>(what: &str, pointer: *const T, length: usize) -> Result<&
 ///
 /// # Safety
 /// As [`slice`], and nothing else reads or writes them.
-unsafe fn slice_mut<'a, T>(what: &str, pointer: *mut T, length: usize) -> Result<&'a mut [T], Fault> {
+unsafe fn slice_mut<'a, T>(what: &'static str, pointer: *mut T, length: usize) -> Result<&'a mut [T], Fault> {
     match (pointer.is_null(), length) {
         (_, 0) => Ok(&mut []),
-        (true, _) => Err(null(what)),
+        (true, _) => Err(WrongCall::Null { what }.into()),
         // SAFETY: as stated.
         (false, _) => Ok(unsafe { core::slice::from_raw_parts_mut(pointer, length) }),
     }
 }
 
-/// The error of an argument that is NULL.
-fn null(what: &str) -> Fault {
-    Fault::Call(format!("{what} is NULL"))
-}
-
 /// Refuses another number of values than of references: every variable is a scalar.
 fn same_length(references: usize, values: usize) -> Result<(), Fault> {
-    if references == values {
-        return Ok(());
-    }
-    let got = format!("got {values} values for {references} value references");
-    Err(Fault::Call(format!("{got}: expected one value for each")))
+    if references == values { Ok(()) } else { Err(WrongCall::Lengths { references, values }.into()) }
 }
 
 /// The text at `pointer`.
 ///
 /// # Safety
 /// `pointer` is NULL or points at a text that ends with NUL and lives for as long as the result is used.
-unsafe fn text<'a>(what: &str, pointer: *const c_char) -> Result<&'a str, Fault> {
+unsafe fn text<'a>(what: &'static str, pointer: *const c_char) -> Result<&'a str, Fault> {
     if pointer.is_null() {
-        return Err(null(what));
+        return Err(WrongCall::Null { what }.into());
     }
     // SAFETY: as stated.
     let text = unsafe { CStr::from_ptr(pointer) };
-    text.to_str().map_err(|_| Fault::Call(format!("{what} is not UTF-8")))
+    Ok(text.to_str().map_err(|_| WrongCall::NotUtf8 { what })?)
 }
 
 /// Writes through a pointer that the importer gave for a result, unless it is NULL.

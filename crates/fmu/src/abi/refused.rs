@@ -3,7 +3,7 @@
 use core::ffi::{c_int, c_void};
 
 use super::{on, slice};
-use crate::Fault;
+use crate::fault::WrongCall;
 
 /// Getters and setters of types that no variable has: fine for no variable.
 macro_rules! no_variables {
@@ -41,7 +41,7 @@ macro_rules! not_offered {
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(instance: *mut c_void $(, _: $argument)*) -> c_int {
             // SAFETY: as the standard states.
-            unsafe { on(instance, stringify!($name), |_| Err(Fault::not_offered($why))) }
+            unsafe { on(instance, stringify!($name), |_| Err(WrongCall::NotOffered { why: $why }.into())) }
         }
     )*};
 }

@@ -2,8 +2,9 @@
 
 use core::ffi::{c_int, c_void};
 
-use super::{null, on, slice, slice_mut};
+use super::{on, slice, slice_mut};
 use crate::Fault;
+use crate::fault::WrongCall;
 use crate::instance::SavedInstance;
 
 /// The state at a pointer of the importer.
@@ -12,7 +13,7 @@ use crate::instance::SavedInstance;
 /// `state` is NULL or from [`fmi3GetFMUState`] or [`fmi3DeserializeFMUState`], and not freed.
 unsafe fn saved<'a>(state: *mut c_void) -> Result<&'a mut SavedInstance, Fault> {
     // SAFETY: as stated.
-    unsafe { state.cast::<SavedInstance>().as_mut() }.ok_or_else(|| null("the state"))
+    unsafe { state.cast::<SavedInstance>().as_mut() }.ok_or(WrongCall::Null { what: "the state" }.into())
 }
 
 /// Gives a state to the importer: in place of the one that it holds, or a new one.
@@ -22,7 +23,7 @@ unsafe fn saved<'a>(state: *mut c_void) -> Result<&'a mut SavedInstance, Fault> 
 unsafe fn hand_out(to: *mut *mut c_void, state: SavedInstance) -> Result<(), Fault> {
     // SAFETY: as stated.
     unsafe {
-        let place = to.as_mut().ok_or_else(|| null("the place for the state"))?;
+        let place = to.as_mut().ok_or(WrongCall::Null { what: "the place for the state" })?;
         match place.cast::<SavedInstance>().as_mut() {
             // The importer asks for the state to be kept in place of an older one, whose memory is used again.
             Some(old) => *old = state,
@@ -73,7 +74,7 @@ pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
     // SAFETY: as the standard states.
     unsafe {
         on(instance, "fmi3SerializedFMUStateSize", |handle| {
-            let size = size.as_mut().ok_or_else(|| null("size"))?;
+            let size = size.as_mut().ok_or(WrongCall::Null { what: "size" })?;
             *size = handle.instance.serialize(saved(state)?)?.len();
             Ok(())
         })
@@ -93,8 +94,7 @@ pub unsafe extern "C" fn fmi3SerializeFMUState(
         on(instance, "fmi3SerializeFMUState", |handle| {
             let written = handle.instance.serialize(saved(state)?)?;
             if written.len() != size {
-                let reason = format!("got {size} bytes: the state has {}", written.len());
-                return Err(Fault::Call(reason));
+                return Err(WrongCall::SavedLength { got: size, expected: written.len() }.into());
             }
             slice_mut("serializedState", bytes, size)?.copy_from_slice(&written);
             Ok(())

@@ -12,6 +12,7 @@ use std::path::Path;
 
 use crate::Fault;
 use crate::content::{Content, Interface};
+use crate::fault::WrongCall;
 use crate::model::{self, Inputs, Model, Parameters, Saved, Span, TOLERANCE_SAMPLES};
 use crate::variables::Variable;
 
@@ -109,8 +110,7 @@ impl Instance {
     pub fn new(folder: &Path, token: &str, event_mode_used: bool) -> Result<Instance, Fault> {
         let content = Content::read(folder, token)?;
         if content.settings.interface == Interface::Can && !event_mode_used {
-            let hint = "the FMU exchanges frames only in event mode; set eventModeUsed to true";
-            return Err(Fault::Call(format!("eventModeUsed is false: {hint}")));
+            return Err(WrongCall::NeedsEventMode.into());
         }
         let parameters = Parameters::of(&content.scenario);
         let variables = model::variables(&content)?;
@@ -153,7 +153,7 @@ impl Instance {
     pub fn enter_initialization(&mut self, start_s: f64) -> Result<(), Fault> {
         self.expect(&[State::Instantiated], "the state Instantiated")?;
         if !start_s.is_finite() {
-            return Err(Fault::Call(format!("the start time is {start_s} s: it must be finite")));
+            return Err(WrongCall::StartTime { got_s: start_s }.into());
         }
         (self.start_s, self.time_s, self.state) = (start_s, start_s, State::Initialization);
         Ok(())
@@ -238,20 +238,18 @@ impl Instance {
     /// [`Fault::WrongState`]; [`Fault::Call`] of the times; what the model says.
     pub fn step(&mut self, from_s: f64, length_s: f64) -> Result<bool, Fault> {
         self.expect(&[State::Step], "step mode")?;
-        let (refused, at_s) = (|reason: String| Err(Fault::Call(reason)), self.time_s);
         if !(length_s.is_finite() && length_s >= 0.0) {
-            return refused(format!("the length of the step is {length_s} s: it must be finite and not negative"));
+            return Err(WrongCall::StepSize { got_s: length_s }.into());
         }
         let tolerance_s = TOLERANCE_SAMPLES / self.content.scenario.simulation.rate_hz;
         // NaN is no more than the tolerance away from any time, so it is asked for by itself.
-        if (from_s - at_s).abs() > tolerance_s || from_s.is_nan() {
-            return refused(format!("the step begins at {from_s} s: it must begin at {at_s} s, the time of the FMU"));
+        if (from_s - self.time_s).abs() > tolerance_s || from_s.is_nan() {
+            return Err(WrongCall::StepStart { got_s: from_s, at_s: self.time_s }.into());
         }
         let to_s = from_s + length_s;
         // A step below the resolution of the time would leave the FMU where it is, however often it is called.
         if length_s > 0.0 && to_s <= from_s {
-            let hint = format!("it does not advance the time {from_s} s; make a longer step");
-            return refused(format!("the step of {length_s} s is too small: {hint}"));
+            return Err(WrongCall::StepTooSmall { got_s: length_s, at_s: from_s }.into());
         }
         let (span, inputs) = (Span { from_s: from_s - self.start_s, to_s: to_s - self.start_s }, self.inputs);
         let event = self.model()?.step(span, &inputs)?;
@@ -305,7 +303,7 @@ impl Instance {
     /// # Errors
     /// [`Fault::Call`] of a model whose states have no such form.
     pub fn serialize(&self, saved: &SavedInstance) -> Result<Vec<u8>, Fault> {
-        saved::write(saved).ok_or_else(|| Fault::not_offered("canSerializeFMUState is false"))
+        Ok(saved::write(saved).ok_or(WrongCall::NotOffered { why: "canSerializeFMUState is false" })?)
     }
 
     /// The state that `bytes` are.

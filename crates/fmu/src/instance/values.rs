@@ -2,12 +2,12 @@
 
 use super::{ALIVE, BEFORE, Instance, READABLE, State, Value};
 use crate::Fault;
+use crate::fault::WrongCall;
 use crate::terminal::{Interval, Terminal};
 use crate::variables::{Causality, Kind, Source, Variable};
 
 fn wrong_type(variable: &Variable) -> Fault {
-    let (name, kind) = (&variable.name, variable.kind.name());
-    Fault::Call(format!("`{name}` is of the type {kind}: use the function for that type"))
+    WrongCall::WrongType { name: variable.name.clone(), is: variable.kind.name() }.into()
 }
 
 impl Instance {
@@ -18,11 +18,9 @@ impl Instance {
     }
 
     fn any_variable(&self, reference: u32) -> Result<&Variable, Fault> {
-        self.variables.get(reference as usize).ok_or_else(|| {
-            let most = self.variables.len().saturating_sub(1);
-            let expected = format!("it must be from 0 to {most}");
-            Fault::Call(format!("no variable has the value reference {reference}: {expected}"))
-        })
+        let most = self.variables.len().saturating_sub(1);
+        let unknown = WrongCall::UnknownReference { got: reference, most };
+        Ok(self.variables.get(reference as usize).ok_or(unknown)?)
     }
 
     /// Returns the error for a variable whose value a function for a type that no variable has asks for.
@@ -100,7 +98,7 @@ impl Instance {
     /// Sets a variable of the type Binary: takes what came.
     ///
     /// # Errors
-    /// As [`Instance::set`]; [`Fault::Terminal`] of bytes that were cut.
+    /// As [`Instance::set`]; [`Fault::Operation`] of bytes that were cut.
     pub fn set_binary(&mut self, reference: u32, bytes: &[u8]) -> Result<(), Fault> {
         let source = self.settable(reference, Kind::Binary)?;
         // An empty value is the start value of a terminal, which importers set before there is event mode.
@@ -149,7 +147,7 @@ impl Instance {
     pub fn interval(&mut self, reference: u32) -> Result<Interval, Fault> {
         let Variable { source, causality, .. } = self.variable(reference, Kind::Clock)?;
         let (Source::TxClock(index), Causality::Input) = (*source, *causality) else {
-            return Err(Fault::not_offered("the clock is not a countdown clock"));
+            return Err(WrongCall::NotOffered { why: "the clock is not a countdown clock" }.into());
         };
         self.expect(&[State::Initialization, State::Event], "initialization mode and event mode")?;
         let is_event = self.state == State::Event;
@@ -167,7 +165,7 @@ impl Instance {
     /// Checks that the variable may be set now.
     fn settable(&self, reference: u32, kind: Kind) -> Result<Source, Fault> {
         let Variable { name, source, causality, .. } = self.variable(reference, kind)?;
-        let refused = |why| Err(Fault::Call(format!("`{name}` can't be set in {}: {why}", self.state)));
+        let refused = |why| Err(WrongCall::NotSettable { name: name.clone(), state: self.state, why }.into());
         match causality {
             Causality::Input if ALIVE.contains(&self.state) => Ok(*source),
             Causality::Parameter if BEFORE.contains(&self.state) => Ok(*source),
