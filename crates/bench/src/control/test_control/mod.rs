@@ -27,7 +27,7 @@ use core::ops::Range;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use operator::{OperatorSpec, OperatorWord};
+pub use operator::{OperatorSpec, OperatorWord, WordFault};
 pub use stop::StopReason;
 
 use super::{Abort, Answer, Controller, Length, LoadKind, NeededReading, ResponsePoint};
@@ -190,8 +190,8 @@ pub enum TestControlError {
     Word {
         /// Number of the word.
         number: usize,
-        /// What is wrong with it, and what is expected.
-        fault: String,
+        /// Reason for the rejection.
+        fault: WordFault,
     },
 }
 

@@ -1,10 +1,9 @@
 //! Words of an operator at stated times: stop softly, start again, change the level.
 
-use alloc::format;
-use alloc::string::String;
 use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 use super::{TestControlError, TestLaw};
 
@@ -33,6 +32,56 @@ pub struct OperatorSpec {
     pub level_db: Option<f64>,
 }
 
+impl OperatorSpec {
+    /// What the word makes a controller of this law do.
+    fn deed(&self, law: TestLaw) -> Result<Deed, WordFault> {
+        if !(self.at_s >= 0.0 && self.at_s.is_finite()) {
+            return Err(WordFault::Time { got_s: self.at_s });
+        }
+        match (self.word, self.level_db) {
+            (OperatorWord::Stop, None) => Ok(Deed::Stop),
+            (OperatorWord::Start, None) => Ok(Deed::Start),
+            (OperatorWord::Level, Some(_)) if law != TestLaw::SweptSine => Err(WordFault::Law { law: law.name() }),
+            (OperatorWord::Level, Some(level_db)) if level_db <= 0.0 && level_db.is_finite() => {
+                Ok(Deed::Level(level_db))
+            }
+            (OperatorWord::Level, Some(level_db)) => Err(WordFault::Level { got_db: level_db }),
+            (OperatorWord::Level, None) => Err(WordFault::NoLevel),
+            (OperatorWord::Stop | OperatorWord::Start, Some(_)) => Err(WordFault::IdleLevel),
+        }
+    }
+}
+
+/// Reason why an operator's word is not possible.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum WordFault {
+    /// The time is not one of the run.
+    #[error("`at_s` is {got_s}: it must be zero or a positive number")]
+    Time {
+        /// The stated time of the run, s.
+        got_s: f64,
+    },
+    /// The word asks for more than the specified level.
+    #[error("`level_db` is {got_db}: it must be at most 0, the specified level")]
+    Level {
+        /// The stated level, dB over the specified one.
+        got_db: f64,
+    },
+    /// A level is missing.
+    #[error("`level_db` is missing: add it, or change `word`")]
+    NoLevel,
+    /// A level is stated with a word that takes none.
+    #[error("`level_db` does not apply to this word: leave it out")]
+    IdleLevel,
+    /// The level of another test than a sine can't be changed.
+    #[error("the word `level` is for `law` \"swept-sine\", not for \"{law}\": leave it out")]
+    Law {
+        /// Law of the control.
+        law: &'static str,
+    },
+}
+
 /// What a controller does by a word.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Deed {
@@ -55,36 +104,10 @@ impl Operator {
     pub fn new(specs: &[OperatorSpec], law: TestLaw, rate_hz: f64) -> Result<Operator, TestControlError> {
         let mut words = Vec::with_capacity(specs.len());
         for (spec, number) in specs.iter().zip(1..) {
-            let at_s = spec.at_s;
-            let refused = |fault: String| Err(TestControlError::Word { number, fault });
-            if !(at_s >= 0.0 && at_s.is_finite()) {
-                return refused(format!("`at_s` is {at_s}: it must be zero or a positive number"));
-            }
-            let deed = match (spec.word, spec.level_db) {
-                (OperatorWord::Stop, None) => Deed::Stop,
-                (OperatorWord::Start, None) => Deed::Start,
-                (OperatorWord::Level, Some(level_db)) if law == TestLaw::SweptSine => {
-                    if !(level_db <= 0.0 && level_db.is_finite()) {
-                        return refused(format!("`level_db` is {level_db}: it must be at most 0, the specified level"));
-                    }
-                    Deed::Level(level_db)
-                }
-                (OperatorWord::Level, Some(_)) => {
-                    let law = law.name();
-                    return refused(format!(
-                        "the word `level` is for `law` \"swept-sine\", not for \"{law}\": leave it out"
-                    ));
-                }
-                (OperatorWord::Level, None) => {
-                    return refused("`level_db` is missing: add it, or change `word`".into());
-                }
-                (OperatorWord::Stop | OperatorWord::Start, Some(_)) => {
-                    return refused("`level_db` does not apply to this word: leave it out".into());
-                }
-            };
+            let deed = spec.deed(law).map_err(|fault| TestControlError::Word { number, fault })?;
             // A time that is a whole number of samples up to rounding counts as one.
             const ROUNDING: f64 = 1e-12;
-            words.push((libm::ceil(at_s * rate_hz * (1.0 - ROUNDING)) as u64, deed));
+            words.push((libm::ceil(spec.at_s * rate_hz * (1.0 - ROUNDING)) as u64, deed));
         }
         // The sort is stable: words for the same sample are heard in the order in which they are listed.
         words.sort_by_key(|(sample, _)| *sample);
