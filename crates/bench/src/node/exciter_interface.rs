@@ -110,7 +110,7 @@ pub trait ExciterInterface: fmt::Debug + Send {
     /// if it does.
     ///
     /// # Errors
-    /// [`ExciterLack::OtherReadings`] names those that it does not carry.
+    /// [`ExciterLack::NativeReadings`] names those that it does not carry.
     fn check_readings(&self) -> Result<(), ExciterLack> {
         Ok(())
     }
@@ -183,12 +183,7 @@ impl ExciterInterface for ExciterNode {
     fn check_readings(&self) -> Result<(), ExciterLack> {
         let needs = self.carried().controller.needs().into_iter();
         let needed: Vec<_> = needs.filter(|needed| needed.place >= Measurement::CHANNELS).collect();
-        if needed.is_empty() {
-            return Ok(());
-        }
-        let carried = "and Resonarm's protocol carries the impedance head, b and c alone: leave the limit in [limits.sensors] \
-                       out, or map a protocol of your own by [wire]";
-        Err(ExciterLack::OtherReadings { needed: names(&needed), carried })
+        if needed.is_empty() { Ok(()) } else { Err(ExciterLack::NativeReadings { needed: names(&needed) }) }
     }
 
     fn start(&mut self, now_ns: u64) {

@@ -50,13 +50,25 @@ pub enum ExciterLack {
         /// Names of the readings.
         needed: Vec<ChannelName>,
     },
-    /// The controller needs readings of a kind that the protocol can't carry.
-    #[error("the controller reads {}, {carried}", needed.join(", "))]
-    OtherReadings {
+    /// The controller needs readings that the native protocol does not carry.
+    #[error(
+        "the controller reads {}, and Resonarm's protocol carries the impedance head, b and c alone: leave the limit in \
+         [limits.sensors] out, or map a protocol of your own by [wire]",
+        needed.join(", ")
+    )]
+    NativeReadings {
         /// Names of the readings.
         needed: Vec<ChannelName>,
-        /// What the protocol carries, and what to change, in words.
-        carried: &'static str,
+    },
+    /// The controller needs readings, which CANopen drives do not have.
+    #[error(
+        "the controller reads {}, but CANopen drives report only angles and torques: give an [excitation], without \
+         [limits.sensors]",
+        needed.join(", ")
+    )]
+    Drives {
+        /// Names of the readings.
+        needed: Vec<ChannelName>,
     },
     /// The load has a part that the native protocol does not carry.
     #[error(
@@ -67,13 +79,20 @@ pub enum ExciterLack {
         /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
     },
-    /// The load has a part that no drive exerts, or no signal commands.
-    #[error("the exciter's load has more {part} than any {limit}")]
+    /// The load has a part that no drive exerts.
+    #[error("the exciter's load has more {part} than any drive of wire.drives can exert: change the excitation")]
+    Torque {
+        /// Part of the load that can't be commanded, with its unit.
+        part: ChannelName,
+    },
+    /// The load has a part that no signal commands.
+    #[error(
+        "the exciter's load has more {part} than any signal of [[wire.commands]] can command: map it there, or change \
+         the excitation"
+    )]
     Load {
         /// Part of the load that can't be commanded, with its unit.
         part: ChannelName,
-        /// What limits it, and what to change, in words.
-        limit: &'static str,
     },
     /// Signals that must be in one payload are multiplexed apart.
     #[error("message 0x{:X}: its loads are multiplexed apart, so no payload has all of them: map them in one", id.raw())]

@@ -120,7 +120,7 @@ impl Cia402Exciter {
     /// Returns a master that lets `controller` answer these drives with `rate_hz` samples per second.
     ///
     /// # Errors
-    /// [`ExciterLack::OtherReadings`] if the controller needs readings.
+    /// [`ExciterLack::Drives`] if the controller needs readings.
     pub fn new(
         spec: &Cia402Spec,
         (rate_hz, time_base): (u16, TimeBase),
@@ -133,9 +133,7 @@ impl Cia402Exciter {
         let work = Work::new(Carried::new(controller), &timing, retry_ns(time_base));
         let needs = work.controller.controller.needs();
         if !needs.is_empty() {
-            let carried =
-                "but CANopen drives report only angles and torques: give an [excitation], without [limits.sensors]";
-            return Err(ExciterLack::OtherReadings { needed: names(&needs), carried });
+            return Err(ExciterLack::Drives { needed: names(&needs) });
         }
         Ok(Cia402Exciter {
             // Room for a start, a mode and every controlword of each drive, and SYNC.
@@ -396,10 +394,7 @@ impl ExciterInterface for Cia402Exciter {
             |place: usize| self.slaves.iter().any(|slave| slave.spec.joint == place && slave.target_of(load).is_some());
         match load.parts().into_iter().enumerate().find(|(place, part)| *part != 0.0 && !has(*place)) {
             None => Ok(()),
-            Some((place, _)) => {
-                let limit = "drive of wire.drives can exert: change the excitation";
-                Err(ExciterLack::Load { part: LOADS[place].name, limit })
-            }
+            Some((place, _)) => Err(ExciterLack::Torque { part: LOADS[place].name }),
         }
     }
 

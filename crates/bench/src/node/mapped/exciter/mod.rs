@@ -435,8 +435,7 @@ impl ExciterInterface for MappedExciter {
         };
         let part = (0..Load::PARTS).find(|place| !page::can_command(&self.pages, &alone(*place)));
         let part = part.map_or(ChannelName::new("several parts"), |place| LOADS[place].name);
-        let limit = "signal of [[wire.commands]] can command: map it there, or change the excitation";
-        Err(ExciterLack::Load { part, limit })
+        Err(ExciterLack::Load { part })
     }
 
     fn remarks(&self) -> Vec<ExciterRemark> {
