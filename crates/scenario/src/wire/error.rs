@@ -9,6 +9,8 @@ use thiserror::Error;
 use crate::dbc::DbcError;
 use resonarm_bench::structure::ChannelName;
 use resonarm_numeric::number::{rounded, short};
+use resonarm_wire::checksum::{ChecksumError, PresetError, UnknownPreset};
+use resonarm_wire::counter::CounterError;
 
 /// Place of an error: a key of `[wire]`, with the message and the signal that it names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -246,7 +248,7 @@ pub enum WireError {
         /// Signal that the error is about.
         place: Place,
         /// Reason for the rejection.
-        source: Box<dyn std::error::Error + Send + Sync>,
+        source: ProtectionError,
     },
     /// The cycle time is not an integer number of samples.
     #[error(
@@ -362,9 +364,23 @@ pub enum WireError {
 
 impl WireError {
     /// Rejects the counter or the checksum of a message.
-    pub(super) fn protection(place: &Place, error: impl std::error::Error + Send + Sync + 'static) -> WireError {
-        WireError::Protection { place: place.clone(), source: Box::new(error) }
+    pub(super) fn protection(place: &Place, error: impl Into<ProtectionError>) -> WireError {
+        WireError::Protection { place: place.clone(), source: error.into() }
     }
+}
+
+/// Error of a message's counter or checksum.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error(transparent)]
+pub enum ProtectionError {
+    /// The counter is not possible.
+    Counter(#[from] CounterError),
+    /// The checksum of a preset is not possible.
+    Preset(#[from] PresetError),
+    /// The checksum of an algorithm is not possible.
+    Algorithm(#[from] ChecksumError),
+    /// There is no preset of this name.
+    UnknownPreset(#[from] UnknownPreset),
 }
 
 fn nearest(suggestion: &Option<String>) -> String {

@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 
 pub use checksum::{AlgorithmSpec, ChecksumSpec, DataIdSpec, PartSpec};
 pub use drives::{DriveSpec, PresetSpec};
-pub use error::{Names, Place, WireError};
+pub use error::{Names, Place, ProtectionError, WireError};
 pub use lacks::WireLack;
 pub use signals::quantity::Quantities;
 pub use signals::{REASONS, STATES};
