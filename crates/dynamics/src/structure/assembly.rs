@@ -263,15 +263,14 @@ impl Assembly {
     /// The degree of freedom of a place.
     ///
     /// # Errors
-    /// [`StructureError::UnknownPlace`], [`StructureError::UnknownJoint`].
+    /// [`StructureError::UnknownPlace`], [`StructureError::UnknownJoint`], [`StructureError::NoJoints`].
     pub fn place(&self, place: &Place) -> Result<Dof, StructureError> {
         let &Place::Joint(got) = place else { return self.dof(&place.name()) };
-        let known = match &self.body {
-            Body::Chain(chain) if (1..=chain.n).contains(&got) => return Ok(Dof(At::Joint(got - 1))),
-            Body::Chain(chain) => format!("the chain has joints 1 to {}", chain.n),
-            Body::Modal(_) => "a structure of modes has no joints; name a point and an axis".to_string(),
-        };
-        Err(StructureError::UnknownJoint { got, known })
+        match &self.body {
+            Body::Chain(chain) if (1..=chain.n).contains(&got) => Ok(Dof(At::Joint(got - 1))),
+            Body::Chain(chain) => Err(StructureError::UnknownJoint { got, most: chain.n }),
+            Body::Modal(_) => Err(StructureError::NoJoints { got }),
+        }
     }
 
     /// Whether it never moves: the start of a chain's first link, and the base of modes, relative to itself.

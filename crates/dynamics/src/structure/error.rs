@@ -108,12 +108,18 @@ pub enum StructureError {
         known: String,
     },
     /// A joint that the structure doesn't have.
-    #[error("there is no joint {got}: {known}")]
+    #[error("there is no joint {got}: the chain has joints 1 to {most}")]
     UnknownJoint {
         /// The joint that was given, counted from 1.
         got: usize,
-        /// The joints that there are, in words.
-        known: String,
+        /// The number of joints.
+        most: usize,
+    },
+    /// A joint of a structure without joints.
+    #[error("there is no joint {got}: a structure of modes has no joints; name a point and an axis")]
+    NoJoints {
+        /// The joint that was given, counted from 1.
+        got: usize,
     },
     /// An element at a place that doesn't move.
     #[error("element {element} acts at `{place}`, which doesn't move: leave `to` out for the ground")]
