@@ -85,22 +85,6 @@ impl Figure {
         png::image(&layout::scene(self)?)
     }
 
-    /// Writes the figure as SVG to `path`, replacing an existing file.
-    ///
-    /// # Errors
-    /// [`PlotError`] if the figure can't be drawn, or the file can't be written.
-    pub fn write_svg(&self, path: &Path) -> Result<(), PlotError> {
-        write_file(path, self.to_svg()?.as_bytes())
-    }
-
-    /// Writes the figure as a PNG image, as [`Figure::to_png`] returns it, to `path`, replacing an existing file.
-    ///
-    /// # Errors
-    /// [`PlotError`] if the figure can't be drawn, or the file can't be written.
-    pub fn write_png(&self, path: &Path) -> Result<(), PlotError> {
-        write_file(path, &self.to_png()?)
-    }
-
     /// Returns the caption: title, subtitle in full, and its additional lines.
     pub fn caption(&self) -> String {
         let Subtitle { line, more } = &self.subtitle;
@@ -108,16 +92,16 @@ impl Figure {
         lines.fold(String::new(), |text, line| text + line + "\n")
     }
 
-    /// Writes the figure as both, and its caption as text: to `stem` with [`Figure::ENDINGS`] appended. Returns these
-    /// paths.
+    /// Writes the figure as SVG and PNG, and its caption as text: to `stem` with [`Figure::ENDINGS`] appended, replacing
+    /// existing files. Returns these paths.
     ///
     /// # Errors
     /// [`PlotError`] if the figure can't be drawn, or a file can't be written.
     pub fn write(&self, stem: &Path) -> Result<[PathBuf; 3], PlotError> {
         let paths = Self::ENDINGS.map(|ending| beside(stem, ending));
         let [svg, png, caption] = &paths;
-        self.write_svg(svg)?;
-        self.write_png(png)?;
+        write_file(svg, self.to_svg()?.as_bytes())?;
+        write_file(png, &self.to_png()?)?;
         write_file(caption, self.caption().as_bytes())?;
         Ok(paths)
     }
