@@ -624,6 +624,7 @@ impl Run {
             frequency_hz: &self.frequency_hz,
             measured: &curve.h1,
             coherence: curve.coherence.as_deref(),
+            step: 1,
             fitted: &curve.smooth,
         })
     }

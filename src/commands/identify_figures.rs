@@ -5,6 +5,7 @@ use crate::figures::response_curves::broken_at_wraps;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style};
 
 /// A measured response and the fitted one.
+#[derive(Clone)]
 pub(super) struct Curve<'a> {
     /// Title of the row.
     pub title: String,
@@ -15,8 +16,17 @@ pub(super) struct Curve<'a> {
     /// Measured values, complex as [real, imaginary].
     pub measured: &'a [[f64; 2]],
     pub coherence: Option<&'a [f64]>,
+    /// One of so many measured lines is drawn; 1 draws all of them.
+    pub step: usize,
     /// Frequencies and values of the fitted curve.
     pub fitted: &'a [(f64, [f64; 2])],
+}
+
+impl Curve<'_> {
+    /// Returns the numbers of the measured lines that are drawn.
+    fn drawn(&self) -> impl Iterator<Item = usize> {
+        (0..self.frequency_hz.len()).step_by(self.step)
+    }
 }
 
 /// The least coherence at which phases are drawn: below it they are those of the noise.
@@ -31,9 +41,10 @@ const ROOM: f64 = 1.12;
 /// Draws a row for each response: the modulus and the phase as dots, the fitted curves over them, and the coherence, if there is
 /// one. All moduli have one axis.
 pub(super) fn responses_figure(found: &Found, curves: &[Curve<'_>]) -> Figure {
-    let is_read = |curve: &&Curve<'_>| curve.measured.iter().any(|value| size(*value) > 0.0);
+    let is_read = |curve: &&Curve<'_>| curve.drawn().any(|k| size(curve.measured[k]) > 0.0);
     let read: Vec<&Curve<'_>> = curves.iter().filter(is_read).collect();
-    let sizes = || read.iter().flat_map(|curve| curve.measured).map(|value| size(*value)).filter(|size| *size > 0.0);
+    let of_curve = |curve: &&Curve<'_>| curve.drawn().map(|k| size(curve.measured[k])).collect::<Vec<_>>();
+    let sizes = || read.iter().flat_map(of_curve).filter(|size| *size > 0.0);
     // A factor of two beyond the values at both ends of the logarithmic axis, the same for all rows, so that they can
     // be compared by eye.
     // Sharp peaks of the fitted curves are higher than the measured ones.
@@ -69,7 +80,7 @@ fn phase_of([re, im]: [f64; 2]) -> f64 {
 fn panels(found: &Found, curve: &Curve<'_>, [low, high]: [f64; 2]) -> Vec<Panel> {
     let x = || frequency_axis(found);
     let points = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
-        curve.frequency_hz.iter().enumerate().map(|(k, hz)| (*hz, value(k))).collect()
+        curve.drawn().map(|k| (curve.frequency_hz[k], value(k))).collect()
     };
     let is_noise = |k: usize| curve.coherence.is_some_and(|coherence| coherence[k] < LEAST_COHERENCE);
     let measured = |points| Series::markers("measured", Color::Blue, Marker::Circle, points).marked(DOT, true);
@@ -79,7 +90,7 @@ fn panels(found: &Found, curve: &Curve<'_>, [low, high]: [f64; 2]) -> Vec<Panel>
     };
     let is_known = |k: usize| !modulus_of(curve.measured[k]).is_nan();
     // A response of nothing but noise keeps its phases.
-    let is_all_noise = !(0..curve.frequency_hz.len()).any(|k| is_known(k) && !is_noise(k));
+    let is_all_noise = !curve.drawn().any(|k| is_known(k) && !is_noise(k));
     // Below the least coherence the phase is random and would fill the panel from edge to edge.
     let is_drawn = |k: usize| is_known(k) && (is_all_noise || !is_noise(k));
     let modulus = Panel::new(x(), Axis::log(curve.label.as_str()).range(low, high))

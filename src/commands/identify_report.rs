@@ -263,44 +263,13 @@ fn responses(document: &Document) -> Result<String, Failure> {
     if drawn.is_empty() {
         drawn = all.iter().map(|(_, curve)| curve).take(MOST_DRAWN).collect();
     }
-    let thinned: Vec<Thinned> = drawn.iter().map(|curve| Thinned::new(curve)).collect();
-    let curves: Vec<Curve<'_>> = thinned.iter().zip(&drawn).map(|(thin, curve)| thin.curve(curve)).collect();
+    let step = |curve: &Curve<'_>| curve.frequency_hz.len().div_ceil(MOST_DOTS).max(1);
+    let curves: Vec<Curve<'_>> = drawn.into_iter().map(|curve| Curve { step: step(curve), ..curve.clone() }).collect();
     caption += "Dots are averages of the measured spectra, with leakage at sharp resonances; curves are the fit.";
-    if thinned.iter().any(|thin| thin.step > 1) {
+    if curves.iter().any(|curve| curve.step > 1) {
         caption += " Where the lines are many, some dots are left out.";
     }
     Ok(format!("<h2>Frequency responses</h2>\n{}", figure(responses_figure(&document.found, &curves), &caption)?))
-}
-
-/// Every n-th line of a response.
-struct Thinned {
-    step: usize,
-    frequency_hz: Vec<f64>,
-    measured: Vec<[f64; 2]>,
-    coherence: Option<Vec<f64>>,
-}
-
-impl Thinned {
-    fn new(curve: &Curve<'_>) -> Thinned {
-        let step = curve.frequency_hz.len().div_ceil(MOST_DOTS).max(1);
-        Thinned {
-            step,
-            frequency_hz: curve.frequency_hz.iter().copied().step_by(step).collect(),
-            measured: curve.measured.iter().copied().step_by(step).collect(),
-            coherence: curve.coherence.map(|coherence| coherence.iter().copied().step_by(step).collect()),
-        }
-    }
-
-    fn curve<'a>(&'a self, of: &'a Curve<'a>) -> Curve<'a> {
-        Curve {
-            title: of.title.clone(),
-            label: of.label.clone(),
-            frequency_hz: &self.frequency_hz,
-            measured: &self.measured,
-            coherence: self.coherence.as_deref(),
-            fitted: of.fitted,
-        }
-    }
 }
 
 fn noise(found: &Found, has_several_runs: bool) -> String {

@@ -136,6 +136,7 @@ impl Document {
             frequency_hz: &self.frequency_hz,
             measured: &of.measured,
             coherence: None,
+            step: 1,
             fitted: &of.smooth,
         });
         curves.collect()
