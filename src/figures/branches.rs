@@ -2,6 +2,7 @@
 //! another period in thin lines; and as tables.
 
 use resonarm::analysis::{self, BifurcationKind, Branch, Coordinate, Orbit, Stability, Verdict};
+use resonarm_figures::paper::with_bifurcations;
 use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
 
 use crate::read_at::{ReadAt, cells, columns};
@@ -62,18 +63,7 @@ impl Row<'_> {
 
 /// Returns the responses of a branch with its bifurcations in their places.
 fn rows(branch: &Branch) -> Vec<Row<'_>> {
-    let mut found = branch.bifurcations.iter().peekable();
-    let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
-    for (index, orbit) in branch.orbits.iter().enumerate() {
-        // A bifurcation with the index i was located between the orbits i − 1 and i.
-        while let Some(bifurcation) = found.next_if(|found| found.index <= index) {
-            rows.push(Row { orbit: &bifurcation.orbit, bifurcation: Some(bifurcation.kind) });
-        }
-        rows.push(Row { orbit, bifurcation: None });
-    }
-    // Those behind the last orbit, where a branch ended before it came to the next one.
-    rows.extend(found.map(|found| Row { orbit: &found.orbit, bifurcation: Some(found.kind) }));
-    rows
+    with_bifurcations(branch, |orbit, bifurcation| Row { orbit, bifurcation })
 }
 
 /// Adds to a figure a panel for each degree of freedom that is read, its largest displacement over what `x` says. The

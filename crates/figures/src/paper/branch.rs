@@ -236,7 +236,7 @@ impl<'a> Traced<'a> {
             drive: self.drive,
             read: self.read.clone(),
             natural_hz: natural_hz(self.arm),
-            orbits: joined(&branch),
+            orbits: with_bifurcations(&branch, PaperOrbit::new),
         })
     }
 }
@@ -274,20 +274,20 @@ impl ForcedBranch {
     }
 }
 
-/// Returns the responses of a branch, with its bifurcations inserted in order.
-fn joined(branch: &Branch) -> Vec<PaperOrbit> {
+/// Makes a row of each response of a branch, and of its bifurcations in their places.
+pub fn with_bifurcations<'a, T>(branch: &'a Branch, row: impl Fn(&'a Orbit, Option<BifurcationKind>) -> T) -> Vec<T> {
     let mut found = branch.bifurcations.iter().peekable();
-    let mut orbits = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
+    let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
     for (index, orbit) in branch.orbits.iter().enumerate() {
-        // A bifurcation states the index of the orbit behind it.
-        while let Some(event) = found.next_if(|found| found.index <= index) {
-            orbits.push(PaperOrbit::new(&event.orbit, Some(event.kind)));
+        // A bifurcation with the index i was located between the orbits i − 1 and i.
+        while let Some(bifurcation) = found.next_if(|found| found.index <= index) {
+            rows.push(row(&bifurcation.orbit, Some(bifurcation.kind)));
         }
-        orbits.push(PaperOrbit::new(orbit, None));
+        rows.push(row(orbit, None));
     }
-    // Those behind the last orbit, if there are any.
-    orbits.extend(found.map(|event| PaperOrbit::new(&event.orbit, Some(event.kind))));
-    orbits
+    // Those behind the last orbit, where a branch ended before it came to the next one.
+    rows.extend(found.map(|found| row(&found.orbit, Some(found.kind))));
+    rows
 }
 
 #[cfg(test)]
