@@ -80,14 +80,8 @@ fn as_stability<S: Serializer>(is_stable: &Option<bool>, serializer: S) -> Resul
     serializer.serialize_str(stability(*is_stable))
 }
 
-/// A bifurcation on a branch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Event(pub BifurcationKind);
-
-impl Serialize for Event {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.0.name())
-    }
+fn as_name<S: Serializer>(kind: &Option<BifurcationKind>, serializer: S) -> Result<S::Ok, S::Error> {
+    kind.map(BifurcationKind::name).serialize(serializer)
 }
 
 /// A periodic response, stable or not.
@@ -106,7 +100,8 @@ pub struct PaperOrbit {
     #[serde(rename = "stability", serialize_with = "as_stability")]
     pub is_stable: Option<bool>,
     /// The kind of bifurcation, if it is one.
-    pub bifurcation: Option<Event>,
+    #[serde(serialize_with = "as_name")]
+    pub bifurcation: Option<BifurcationKind>,
 }
 
 impl PaperOrbit {
@@ -119,7 +114,7 @@ impl PaperOrbit {
             amplitude: orbit.readings.iter().map(amplitude).collect(),
             // At a bifurcation a multiplier is on the unit circle, and rounding would decide.
             is_stable: orbit.is_stable().filter(|_| bifurcation.is_none()),
-            bifurcation: bifurcation.map(Event),
+            bifurcation,
         }
     }
 }
@@ -270,7 +265,7 @@ impl ForcedBranch {
 
     /// Returns the bifurcations of a kind.
     pub fn bifurcations(&self, kind: BifurcationKind) -> impl Iterator<Item = &PaperOrbit> {
-        self.orbits.iter().filter(move |orbit| orbit.bifurcation == Some(Event(kind)))
+        self.orbits.iter().filter(move |orbit| orbit.bifurcation == Some(kind))
     }
 }
 

@@ -69,7 +69,7 @@ impl ForcedBranch {
 #[cfg(test)]
 mod tests {
     use super::super::Drive;
-    use super::super::branch::{Event, Read};
+    use super::super::branch::Read;
     use super::*;
     use resonarm_analysis::BifurcationKind;
 
@@ -161,7 +161,7 @@ mod tests {
         let (mut marked, highest) = (resonance.clone(), 15);
         let mut fold = marked.orbits[highest].clone();
         fold.largest.iter_mut().for_each(|amplitude| *amplitude *= 1.0 - 1e-6);
-        (fold.frequency_hz, fold.bifurcation) = (fold.frequency_hz - 1e-9, Some(Event(BifurcationKind::Fold)));
+        (fold.frequency_hz, fold.bifurcation) = (fold.frequency_hz - 1e-9, Some(BifurcationKind::Fold));
         marked.orbits.insert(highest, fold);
         assert_eq!((marked.maxima(0)[0], marked.half_power_width_hz(0).unwrap()), (top, width));
     }

@@ -4,6 +4,7 @@ use core::fmt::Write;
 
 use super::branch::stability;
 use super::{Drive, FigureCurves, NaturalFrequencies};
+use resonarm_analysis::BifurcationKind;
 
 impl FigureCurves {
     /// Writes a line for each response. `curve` counts from 0; a bifurcation has its kind in the last column. All
@@ -34,7 +35,7 @@ impl FigureCurves {
                 let angles: String = branch.angles_deg.iter().map(|angle_deg| format!(",{angle_deg}")).collect();
                 let sizes = orbit.largest.iter().zip(&orbit.amplitude);
                 let sizes: String = sizes.map(|(largest, amplitude)| format!(",{largest},{amplitude}")).collect();
-                let bifurcation = orbit.bifurcation.map_or("", |event| event.0.name());
+                let bifurcation = orbit.bifurcation.map_or("", BifurcationKind::name);
                 let _infallible = writeln!(
                     text,
                     "{index}{angles},{},{torque},{force}{sizes},{stability},{bifurcation}",

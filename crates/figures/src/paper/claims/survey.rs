@@ -60,7 +60,7 @@ impl Zone {
             maxima: [0, 1].map(|link| branch.maxima(link)),
             width_hz: [0, 1].map(|link| branch.half_power_width_hz(link)),
             ratio: branch.largest_ratio(0).0,
-            bifurcations: branch.orbits.iter().filter_map(|orbit| Some(orbit.bifurcation?.0)).collect(),
+            bifurcations: branch.orbits.iter().filter_map(|orbit| orbit.bifurcation).collect(),
         }
     }
 
