@@ -1,6 +1,6 @@
 //! The cases in which a statement is judged.
 
-use super::survey::{Driven, Seen, Survey, forces_n, heights_m, torques_nm};
+use super::survey::{Driven, Seen, Survey, forces_n, heights_m, own_torque_nm, torques_nm};
 use super::{Case, Number, Verdict};
 
 /// A statement judged in all its cases.
@@ -82,9 +82,10 @@ pub(super) fn over<T: Copy + PartialEq>(
 impl Survey<'_> {
     /// Judges a case for each torque of Fig. 4, the figure's own being that of the zone of a mode.
     pub fn over_torques(&self, mode: usize, judge: impl Fn(Driven) -> Seen<Opinion>) -> Judgement {
-        let torques = torques_nm(self.settings, self.subject.preset, mode);
+        let (settings, preset) = (self.settings, self.subject.preset);
         let judge = |nm| judge(Driven::Torque { nm });
-        over("torques", self.own_torque_nm(mode), torques, (|nm| format!("{nm} N·m"), judge))
+        let (own, torques) = (own_torque_nm(settings, preset, mode), torques_nm(settings, preset, mode));
+        over("torques", own, torques, (|nm| format!("{nm} N·m"), judge))
     }
 
     /// Judges a case for each height of the line and each force at the tip, the figure's own being this force.

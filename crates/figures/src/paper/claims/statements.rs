@@ -2,10 +2,11 @@
 //! "significantly" the rule states its threshold. The functions quote the paper.
 
 use super::{Statement, bending, linear, pulse, tip, torque};
+use resonarm_analysis::BifurcationKind;
 
 /// A statement, in the order: name, section, statement, rule, whether I_S2 was chosen for it, function.
 macro_rules! statement {
-    ($id:literal, $section:literal, $statement:literal, $rule:literal, $chosen_for:literal, $judge:path) => {
+    ($id:literal, $section:literal, $statement:literal, $rule:literal, $chosen_for:literal, $judge:expr) => {
         Statement {
             id: $id,
             section: $section,
@@ -240,7 +241,7 @@ pub(super) const STATEMENTS: [Statement; 30] = [
         "At larger excitation there are saddle-nodes.",
         "found in one zone at least under the torques or forces of the scan",
         false,
-        torque::saddle_nodes
+        |survey| torque::observed(survey, BifurcationKind::Fold)
     ),
     statement!(
         "period-doubling",
@@ -248,7 +249,7 @@ pub(super) const STATEMENTS: [Statement; 30] = [
         "At larger excitation there is period doubling.",
         "found in one zone at least under the torques or forces of the scan",
         false,
-        torque::period_doublings
+        |survey| torque::observed(survey, BifurcationKind::PeriodDoubling)
     ),
     statement!(
         "neimark-sacker",
@@ -256,6 +257,6 @@ pub(super) const STATEMENTS: [Statement; 30] = [
         "At larger excitation there is a Neimark–Sacker bifurcation.",
         "found in one zone at least under the torques or forces of the scan",
         false,
-        torque::neimark_sackers
+        |survey| torque::observed(survey, BifurcationKind::NeimarkSacker)
     ),
 ];

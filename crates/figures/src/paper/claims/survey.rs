@@ -253,9 +253,4 @@ impl<'a> Survey<'a> {
     pub fn zones(&self) -> impl Iterator<Item = (Place, &Zone)> {
         self.views.iter().filter_map(|view| Some((view.place, view.zone.as_ref().ok()?)))
     }
-
-    /// Returns the torque of Fig. 4 in a zone, N·m.
-    pub fn own_torque_nm(&self, mode: usize) -> f64 {
-        own_torque_nm(self.settings, self.subject.preset, mode)
-    }
 }

@@ -6,7 +6,7 @@ use super::super::branch::{Traced, natural_hz, zone_hz};
 use super::super::{Drive, PaperError};
 use super::cases::{Judgement, Opinion, all_hold, number, once, over};
 use super::enough;
-use super::survey::{Driven, Seen, Survey, torques_nm};
+use super::survey::{Driven, Seen, Survey, own_torque_nm, torques_nm};
 use super::tip::{PROMINENCE, widening};
 use resonarm_analysis::BifurcationKind;
 
@@ -160,7 +160,8 @@ fn landmarks(survey: &Survey<'_>, beta2_deg: f64, mode: usize) -> Result<Vec<[f6
     let arm = survey.subject.bent(beta2_deg)?;
     let range_hz = zone_hz(natural_hz(&arm)[mode]);
     let traced = Traced::joints(survey.subject, &arm, Drive::Torque1);
-    let branch = traced.over_frequency(survey.own_torque_nm(mode), range_hz)?;
+    let torque_nm = own_torque_nm(survey.settings, survey.subject.preset, mode);
+    let branch = traced.over_frequency(torque_nm, range_hz)?;
     let folds = branch.bifurcations(BifurcationKind::Fold).chain([branch.peak(0, range_hz)?]);
     Ok(folds.map(|orbit| [orbit.frequency_hz, branch.size(orbit, 0)]).collect())
 }
@@ -214,7 +215,7 @@ pub(super) fn zones_widen(survey: &Survey<'_>) -> Judgement {
 
 /// "For larger excitation amplitudes, period doubling, saddle-node points and Neimark–Sacker bifurcation were observed"
 /// (Section 6): found in one zone of the scans at least. A no requires enough computed zones.
-fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
+pub(super) fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
     let found: Vec<_> = survey.zones().filter(|(_, zone)| zone.count(kind) > 0).collect();
     let least = |of: fn(Driven) -> Option<f64>| {
         let drives = found.iter().filter_map(|(place, _)| of(place.driven));
@@ -238,16 +239,4 @@ fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement {
     let numbers =
         vec![number("zones under a torque", torque.0 as f64, ""), number("zones under a force", force.0 as f64, "")];
     once(Ok(Opinion::new(!found.is_empty(), value, numbers)))
-}
-
-pub(super) fn saddle_nodes(survey: &Survey<'_>) -> Judgement {
-    observed(survey, BifurcationKind::Fold)
-}
-
-pub(super) fn period_doublings(survey: &Survey<'_>) -> Judgement {
-    observed(survey, BifurcationKind::PeriodDoubling)
-}
-
-pub(super) fn neimark_sackers(survey: &Survey<'_>) -> Judgement {
-    observed(survey, BifurcationKind::NeimarkSacker)
 }
