@@ -266,10 +266,8 @@ impl Plan {
             let (arm, varied) = (subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
             self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, varied });
         }
-        let (curves, range) = ((0..self.jobs.len()).collect(), Some([0.0, largest]));
-        let abscissa = Abscissa::Torque1Nm;
-        let (title, logarithmic, names) = (String::new(), false, true);
-        self.drawn.panels.push(Panel { title, reading: 1, abscissa, logarithmic, range, names, curves });
+        let curves = (0..self.jobs.len()).collect();
+        self.panel("", 1, Some([0.0, largest]), curves).abscissa = Abscissa::Torque1Nm;
         Ok(())
     }
 
