@@ -205,7 +205,6 @@ mod serving {
             interface: shown_role.interface.clone(),
             // An exciter knows no coordinates, so nothing of the structure is drawn.
             drawing: under_test.drawing.clone().filter(|_| shown_role.role != Role::Exciter),
-            table: under_test.table.clone(),
             model: Model::new(about, under_test),
             source: Source::Run(watcher),
             // A steered load is not that of the scenario.
@@ -233,7 +232,6 @@ mod serving {
         let shown = Shown {
             interface: recording.origin().interface.clone(),
             drawing: under_test.drawing.clone(),
-            table: recording.channels().clone(),
             model: Model::new(about, under_test),
             compute: compute(&scenario)?,
             range_hz: range_hz(&scenario),

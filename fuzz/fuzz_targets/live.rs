@@ -22,14 +22,12 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// A server of a run that has not begun.
 static SERVER: LazyLock<(Live, Watch)> = LazyLock::new(|| {
     let scenario = Scenario::default();
-    let table = Channels::arm(false);
-    let under_test = UnderTest::new(&scenario, String::from("arm"), table.clone()).expect("what is under test");
+    let under_test = UnderTest::new(&scenario, String::from("arm"), Channels::arm(false)).expect("what is under test");
     let about = About::new("plant", String::from("fuzz"), &scenario, &under_test);
     let (watched, watcher) = watch();
     let shown = Shown {
         interface: String::from("fuzz"),
         drawing: under_test.drawing.clone(),
-        table,
         model: Model::new(about, under_test),
         source: Source::Run(watcher),
         compute: None,

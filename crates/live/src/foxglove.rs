@@ -16,7 +16,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::about::About;
+use super::model::Model;
 use super::moving::Moving;
 use resonarm_bench::structure::{Kind, LoadSet};
 use resonarm_files::drawing::Drawing;
@@ -251,7 +251,8 @@ fn time_ns((start_unix_ns, dt_s): (u64, f64), sample: u64) -> u64 {
 }
 
 /// The first messages to a client.
-pub fn introduction(about: &About, channels: &[Channel], table: &Channels, session: &str) -> [Message; 2] {
+pub fn introduction(model: &Model, channels: &[Channel], session: &str) -> [Message; 2] {
+    let (about, table) = (&model.about, &model.under_test.table);
     // Without capabilities a client may neither publish nor call anything. The session tells a client that connects
     // again whether this is still the same run.
     let info = json!({

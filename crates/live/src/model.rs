@@ -36,7 +36,7 @@ const LINES_KEPT: usize = 500;
 pub struct Model {
     /// Description of the run or recording.
     pub(super) about: About,
-    under_test: UnderTest,
+    pub(super) under_test: UnderTest,
     rows: Rows,
     extremes: Extremes,
     kept: VecDeque<Stretch>,

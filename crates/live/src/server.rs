@@ -25,7 +25,6 @@ use super::shared::{Shared, lock};
 use super::source::Source;
 use super::{LiveError, page, viewer};
 use resonarm_files::drawing::Drawing;
-use resonarm_files::recording::channels::Channels;
 
 /// Interval between updates: thirty a second.
 const BEAT: Duration = Duration::from_millis(33);
@@ -70,8 +69,6 @@ pub struct Shown {
     pub interface: String,
     /// Drawing for 3D views; `None` where the coordinates are unknown.
     pub drawing: Option<Drawing>,
-    /// Channels of which states and readings consist.
-    pub table: Channels,
 }
 
 /// A server at work; it ends when this is dropped.
@@ -100,7 +97,8 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(LiveError::Thread)?;
     let branches = shown.compute.map(Branches::start).transpose()?;
     let dt_s = 1.0 / shown.model.about.rate_hz;
-    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.drawing, shown.table.clone());
+    let table = shown.model.under_test.table.clone();
+    let stream = Stream::new(dt_s, shown.start_unix_ns, &shown.interface, shown.drawing, table);
     let shared = Arc::new(Shared {
         model: Mutex::new(shown.model),
         source: Mutex::new(shown.source),
@@ -112,7 +110,6 @@ pub fn serve(options: &Options, shown: Shown) -> Result<Live, LiveError> {
         greetings: Semaphore::new(GREETINGS),
         session: shown.start_unix_ns.to_string(),
         channels: stream.channels.clone(),
-        table: shown.table,
         origins: options.origins.clone(),
     });
     let is_over = Arc::new(AtomicBool::new(false));

@@ -10,7 +10,6 @@ use super::admission::{Origins, Token};
 use super::foxglove::{Channel, Published};
 use super::model::Model;
 use super::source::Source;
-use resonarm_files::recording::channels::Channels;
 
 /// State shared by the server's tasks.
 pub struct Shared {
@@ -26,7 +25,6 @@ pub struct Shared {
     pub session: String,
     /// The channels published for Foxglove.
     pub channels: Vec<Channel>,
-    pub table: Channels,
     pub origins: Origins,
 }
 

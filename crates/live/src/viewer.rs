@@ -161,8 +161,7 @@ async fn send_frames(socket: &mut WebSocket, batch: &[Published], subscriptions:
 /// Sends a Foxglove client the messages it has subscribed to.
 pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
-    let introduction =
-        foxglove::introduction(&lock(&shared.model).about, &shared.channels, &shared.table, &shared.session);
+    let introduction = foxglove::introduction(&lock(&shared.model), &shared.channels, &shared.session);
     let mut published = shared.published.subscribe();
     let (mut subscriptions, mut nonsense) = (Subscriptions::new(shared.channels.len()), 0);
     if send(&mut socket, introduction).await.is_err() {
