@@ -20,6 +20,6 @@ pub(super) fn on_page<'a>(series: &'a Series, x: &'a AxisMap, y: &'a AxisMap) ->
 pub(super) fn markers(style: Style, at: Vec<Point>) -> Option<Shape> {
     let Style::Markers { color, shape, size, filled } = style else { return None };
     let fill = if filled { color.rgb() } else { WHITE };
-    let stroke = Stroke::solid(color.rgb(), MARKER_OUTLINE);
+    let stroke = Stroke { color: color.rgb(), width: MARKER_OUTLINE, dash: Dash::Solid };
     (!at.is_empty()).then_some(Shape::Markers { at, shape, size, fill, stroke })
 }

@@ -36,12 +36,6 @@ pub(super) struct Stroke {
     pub dash: Dash,
 }
 
-impl Stroke {
-    pub fn solid(color: Rgb, width: f64) -> Self {
-        Self { color, width, dash: Dash::Solid }
-    }
-}
-
 /// A line of text.
 pub(super) struct Text {
     /// The point on the baseline that `anchor` names.
@@ -111,13 +105,5 @@ impl Rect {
     pub fn outline(&self) -> Vec<Point> {
         let Self { left, top, right, bottom } = *self;
         vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]
-    }
-
-    pub fn width(&self) -> f64 {
-        self.right - self.left
-    }
-
-    pub fn height(&self) -> f64 {
-        self.bottom - self.top
     }
 }

@@ -28,8 +28,8 @@ fn element(shape: &Shape) -> String {
             "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" fill=\"{}\"/>",
             number(area.left),
             number(area.top),
-            number(area.width()),
-            number(area.height()),
+            number(area.right - area.left),
+            number(area.bottom - area.top),
             color(*fill)
         ),
         Shape::Lines { runs, stroke } => {
