@@ -121,11 +121,6 @@ impl DriveFlags {
         self.loads.is_empty()
     }
 
-    /// Returns the loads with their amplitudes; `None` if no load is given.
-    pub fn any(&self, assembly: &Assembly) -> Result<Option<Drive>, Failure> {
-        if self.is_empty() { Ok(None) } else { self.drive(assembly).map(Some) }
-    }
-
     /// Returns the loads of responses that are followed in a coordinate. Where it is the amplitude, --drive states only
     /// where the loads act, and their ratio.
     pub fn along(&self, coordinate: Coordinate, assembly: &Assembly) -> Result<Drive, Failure> {

@@ -80,7 +80,7 @@ impl Simulate {
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
         let assembly = &tested.assembly;
-        let drive = self.drive.any(assembly)?;
+        let drive = if self.drive.is_empty() { None } else { Some(self.drive.drive(assembly)?) };
         let loads = drive.as_ref().map_or(&[][..], |drive| &drive.loads[..]);
         if self.frequency_hz <= 0.0 && !loads.is_empty() {
             let why = "an excitation A·sin(2πft) needs a positive frequency";
