@@ -145,20 +145,15 @@ impl Live {
         self.is_over.store(true, Ordering::Release);
     }
 
-    /// Returns the URL of the page, without the token.
-    pub fn url(&self) -> String {
+    /// The address of the page with the token, which permits changes: after `#`, which a browser does not send.
+    pub fn url_with_token(&self) -> String {
         let mut shown = self.address;
         // 0.0.0.0 and [::] are addresses to listen on, not to open in a browser.
         if shown.ip().is_unspecified() {
             let loopback = if shown.is_ipv4() { [127, 0, 0, 1].into() } else { std::net::Ipv6Addr::LOCALHOST.into() };
             shown.set_ip(loopback);
         }
-        format!("http://{shown}/")
-    }
-
-    /// The address of the page with the token, which permits changes: after `#`, which a browser does not send.
-    pub fn url_with_token(&self) -> String {
-        format!("{}#{}", self.url(), self.token.text())
+        format!("http://{shown}/#{}", self.token.text())
     }
 }
 
