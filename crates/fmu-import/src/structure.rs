@@ -19,7 +19,7 @@ impl Source {
     pub fn plant(self: &Arc<Source>, spec: &PlantSpec) -> Result<Result<Plant, PlantSpecError>, ImportError> {
         let held = Held::new(Arc::clone(self))?;
         Ok(match self.read {
-            ReadAt::Middle => Plant::stepped(spec, Box::new(Steps::new(held))),
+            ReadAt::Middle => Plant::stepped(spec, Box::new(held)),
             ReadAt::End => {
                 let sampled = Sampled::new(held);
                 Rig::new(&spec.rig, &sampled.outputs, spec.sample_rate_hz, spec.seed)
@@ -95,20 +95,6 @@ impl Held {
         }
     }
 
-    /// A communication step with the loads held. They are set where they have changed.
-    fn step(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
-        let loads = load.parts();
-        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
-        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && *load != 0.0) {
-            return Err(StructureError::NoInput { name: channel.name, got });
-        }
-        let stepped = self.try_step(t_s, &loads);
-        if stepped.is_err() {
-            self.run = Run::Failed;
-        }
-        stepped
-    }
-
     fn try_step(&mut self, t_s: f64, loads: &[f64; Load::PARTS]) -> Result<(), StructureError> {
         let source = Arc::clone(&self.source);
         let mapping = &source.mapping;
@@ -145,6 +131,52 @@ impl Held {
             acceleration: number(sensed.acceleration),
         }
     }
+}
+
+/// The FMU that is read after each step.
+impl Stepped for Held {
+    fn states(&self) -> &[Channel] {
+        &self.source.mapping.channels
+    }
+
+    fn inputs(&self) -> LoadSet {
+        self.source.mapping.loads()
+    }
+
+    /// A communication step with the loads held. They are set where they have changed.
+    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
+        let loads = load.parts();
+        let idle = self.source.mapping.inputs.iter().zip(loads).zip(&LOADS);
+        if let Some(((_, got), channel)) = idle.into_iter().find(|((slot, load), _)| slot.is_none() && *load != 0.0) {
+            return Err(StructureError::NoInput { name: channel.name, got });
+        }
+        let stepped = self.try_step(t_s, &loads);
+        if stepped.is_err() {
+            self.run = Run::Failed;
+        }
+        stepped
+    }
+
+    fn sensors(&self) -> &[Channel] {
+        &self.source.mapping.sensor_channels
+    }
+
+    /// The motion at the end of the last step, under the loads of that step.
+    fn read(&self, _t_s: f64, _load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        let sensors = &self.source.mapping.sensors;
+        out.iter_mut().zip(sensors).for_each(|(to, sensed)| *to = self.sensed(sensed));
+        Ok(())
+    }
+
+    /// An FMU gives no accelerations under loads that were set and not yet stepped with. With a course that is linear
+    /// over the step, that at its start follows from the mean, the change of velocity:
+    ///
+    /// ```text
+    /// (v(h) − v(0)) / h = (a(0) + a(h)) / 2
+    /// ```
+    fn acceleration_at_start(&self, [from, to]: [f64; 2], [_, at_end]: [f64; 2], step_s: f64) -> f64 {
+        (to - from) * (2.0 / step_s) - at_end
+    }
 
     fn travel_m(&self) -> f64 {
         let [x, y, z] = self.source.mapping.travel.map(|slot| slot.map_or(0.0, |slot| self.si(&slot)));
@@ -172,65 +204,6 @@ impl Held {
             _ => Err(StructureError::ForeignState),
         }
     }
-}
-
-/// The FMU that is read after each step.
-#[derive(Clone, Debug)]
-pub(crate) struct Steps {
-    held: Held,
-}
-
-impl Steps {
-    pub fn new(held: Held) -> Steps {
-        Steps { held }
-    }
-}
-
-impl Stepped for Steps {
-    fn states(&self) -> &[Channel] {
-        &self.held.source.mapping.channels
-    }
-
-    fn inputs(&self) -> LoadSet {
-        self.held.source.mapping.loads()
-    }
-
-    fn advance(&mut self, t_s: f64, load: &Load) -> Result<(), StructureError> {
-        self.held.step(t_s, load)
-    }
-
-    fn sensors(&self) -> &[Channel] {
-        &self.held.source.mapping.sensor_channels
-    }
-
-    /// The motion at the end of the last step, under the loads of that step.
-    fn read(&self, _t_s: f64, _load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
-        let sensors = &self.held.source.mapping.sensors;
-        out.iter_mut().zip(sensors).for_each(|(to, sensed)| *to = self.held.sensed(sensed));
-        Ok(())
-    }
-
-    /// An FMU gives no accelerations under loads that were set and not yet stepped with. With a course that is linear
-    /// over the step, that at its start follows from the mean, the change of velocity:
-    ///
-    /// ```text
-    /// (v(h) − v(0)) / h = (a(0) + a(h)) / 2
-    /// ```
-    fn acceleration_at_start(&self, [from, to]: [f64; 2], [_, at_end]: [f64; 2], step_s: f64) -> f64 {
-        (to - from) * (2.0 / step_s) - at_end
-    }
-
-    fn travel_m(&self) -> f64 {
-        self.held.travel_m()
-    }
-
-    fn save(&self, states: &mut [f64]) {
-        self.held.save(states);
-    }
-
-    fn restore(&mut self, states: &[f64]) -> Result<(), StructureError> {
-        self.held.restore(states)
-    }
 
     fn boxed_clone(&self) -> Box<dyn Stepped> {
         Box::new(self.clone())
@@ -255,7 +228,7 @@ impl Sampled {
 
 impl Structure for Sampled {
     fn inputs(&self) -> LoadSet {
-        self.held.source.mapping.loads()
+        self.held.inputs()
     }
 
     fn outputs(&self) -> &[Channel] {
@@ -263,7 +236,7 @@ impl Structure for Sampled {
     }
 
     fn states(&self) -> &[Channel] {
-        &self.held.source.mapping.channels
+        self.held.states()
     }
 
     fn saved_len(&self) -> usize {
@@ -271,7 +244,7 @@ impl Structure for Sampled {
     }
 
     fn advance(&mut self, time_s: f64, load: &Load) -> Result<(), StructureError> {
-        self.held.step(time_s, load)?;
+        self.held.advance(time_s, load)?;
         self.force_n = [load.force_n.x, load.force_n.y];
         Ok(())
     }
