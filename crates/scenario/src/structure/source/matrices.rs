@@ -88,22 +88,13 @@ impl MatricesSection {
         dofs: &BTreeMap<String, usize>,
         base: &BTreeMap<String, Vec<usize>>,
     ) -> Result<Vec<ModeSection>, StructureSectionError> {
-        let read = |path: &Path, rows| {
+        let sources = [self.mass.as_path(), self.stiffness.as_path()];
+        sections(sources, self.damping.as_deref(), (dofs, base), self.modes, |path, rows| {
             let path = folder.join(path);
             let bytes = text_file::read_bytes(&path).map_err(unreadable(&path))?;
             let matrix = of_bytes(&path, &bytes).and_then(|matrix| checked(matrix, rows)).map_err(of_file(&path))?;
-            Ok::<_, StructureSectionError>(Named { matrix, path })
-        };
-        let mass = read(&self.mass, None)?;
-        let rows = mass.matrix.nrows();
-        check_dofs(dofs, rows)?;
-        check_base(base, rows)?;
-        // The number of modes follows from the mass matrix alone. It is checked before the other files, which
-        // may be large, are read.
-        let keep = kept(self.modes, &mass.matrix)?;
-        let stiffness = read(&self.stiffness, Some(rows))?;
-        let damping = self.damping.as_deref().map(|path| read(path, Some(rows))).transpose()?;
-        sections([mass, stiffness], damping, (dofs, base), keep)
+            Ok(Named { matrix, path })
+        })
     }
 }
 
@@ -122,19 +113,13 @@ impl StructureSection {
         base: &BTreeMap<String, Vec<usize>>,
         modes: Option<usize>,
     ) -> Result<StructureSection, StructureSectionError> {
-        let named = |name: &str, numbers: &[f64], rows| {
+        let sources = [("mass", matrices.mass), ("stiffness", matrices.stiffness)];
+        let damping = matrices.damping.map(|damping| ("damping", damping));
+        let modes = sections(sources, damping, (dofs, base), modes, |(name, numbers), rows| {
             let path = PathBuf::from(name);
             let matrix = square(numbers).and_then(|matrix| checked(matrix, rows)).map_err(of_file(&path))?;
-            Ok::<_, StructureSectionError>(Named { matrix, path })
-        };
-        let mass = named("mass", matrices.mass, None)?;
-        let rows = mass.matrix.nrows();
-        check_dofs(dofs, rows)?;
-        check_base(base, rows)?;
-        let keep = kept(modes, &mass.matrix)?;
-        let stiffness = named("stiffness", matrices.stiffness, Some(rows))?;
-        let damping = matrices.damping.map(|damping| named("damping", damping, Some(rows))).transpose()?;
-        let modes = sections([mass, stiffness], damping, (dofs, base), keep)?;
+            Ok(Named { matrix, path })
+        })?;
         Ok(StructureSection { kind: StructureKind::Modal, modes, ..StructureSection::default() })
     }
 }
@@ -175,13 +160,24 @@ fn kept(modes: Option<usize>, mass: &DMatrix<f64>) -> Result<usize, StructureSec
     }
 }
 
-/// Computes the lowest modes of M and K, and their damping ratios.
-fn sections(
-    [mass, stiffness]: [Named; 2],
-    damping: Option<Named>,
+/// Computes the lowest modes of M and K, and their damping ratios. `read` returns the matrix of a source, which must have
+/// the given number of rows if it is known.
+fn sections<Source>(
+    [mass, stiffness]: [Source; 2],
+    damping: Option<Source>,
     (dofs, base): (&BTreeMap<String, usize>, &BTreeMap<String, Vec<usize>>),
-    keep: usize,
+    modes: Option<usize>,
+    read: impl Fn(Source, Option<usize>) -> Result<Named, StructureSectionError>,
 ) -> Result<Vec<ModeSection>, StructureSectionError> {
+    let mass = read(mass, None)?;
+    let rows = mass.matrix.nrows();
+    check_dofs(dofs, rows)?;
+    check_base(base, rows)?;
+    // The number of modes follows from the mass matrix alone. It is checked before the other matrices, whose files
+    // may be large, are read.
+    let keep = kept(modes, &mass.matrix)?;
+    let stiffness = read(stiffness, Some(rows))?;
+    let damping = damping.map(|damping| read(damping, Some(rows))).transpose()?;
     let of_mass = || of_file(&mass.path);
     let without_mass = || {
         let fix = "every degree of freedom needs a mass, or a row of zeros, and is then condensed";
