@@ -2,7 +2,8 @@
 
 use super::ReplayError;
 use super::verdict::load;
-use resonarm_bench::rig::{Measurement, Reading};
+use crate::run::sample_record;
+use resonarm_bench::rig::Measurement;
 use resonarm_files::recording::{Recording, SampleRecord};
 use resonarm_files::starting_plant;
 use resonarm_scenario::ScenarioError;
@@ -54,19 +55,7 @@ pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, Rep
 }
 
 fn is_recorded(measured: &Measurement, recorded: &SampleRecord) -> bool {
-    let SampleRecord { acceleration_b_m_s2, acceleration_c_m_s2, head_force_n, clipped, .. } = recorded;
-    let pairs = [
-        (measured.acceleration_b_m_s2, acceleration_b_m_s2, clipped.acceleration_b),
-        (measured.acceleration_c_m_s2, acceleration_c_m_s2, clipped.acceleration_c),
-        (measured.head_force_n, head_force_n, clipped.head_force),
-    ];
-    let same = |reading: Reading, value: f64, clipped| {
-        reading.value.to_bits() == value.to_bits() && reading.clipped == clipped
-    };
-    let (more, recorded_more) = (measured.more.values(), recorded.more.values());
-    let same_bits = |(one, other): (&f64, &f64)| one.to_bits() == other.to_bits();
-    pairs.iter().all(|(reading, value, clipped)| (0..2).all(|axis| same(reading[axis], value[axis], clipped[axis])))
-        && more.len() == recorded_more.len()
-        && more.iter().zip(recorded_more).all(same_bits)
-        && measured.more.clipped() == recorded.more.clipped()
+    let (measured, bits) = (sample_record(measured), |value: &f64| value.to_bits());
+    measured.values().iter().map(bits).eq(recorded.values().iter().map(bits))
+        && measured.clipped_bits() == recorded.clipped_bits()
 }
