@@ -6,7 +6,7 @@ use core::time::Duration;
 use super::event_record::{event_record, request_records, sample_record};
 use super::finish::{RETRY_NS, SEND_LIMIT_NS};
 use super::lockstep::LOOK_NS;
-use super::mistakes::RefusedFrame;
+use super::mistakes::{RefusedFrame, unsent_command};
 use super::outage::{self, Outage};
 use super::{
     BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, TestState, Watched,
@@ -15,8 +15,9 @@ use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{ExciterInterface, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Sent};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record};
-use resonarm_protocol::{Frame, NodeState};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, Node, NodeState};
 use resonarm_realtime::Clock;
+use resonarm_scenario::Scenario;
 
 /// Frames processed between two checks of the stop signal and the deadlines, so that a flooded bus delays neither.
 const FRAMES_AT_ONCE: usize = 256;
@@ -47,6 +48,7 @@ pub(super) fn run<C: Clock>(
     clock: &C,
     patience: Patience<'_>,
     (signals, watched): (&Signals, Option<Watched>),
+    scenario: &Scenario,
 ) -> ExciterReport {
     let start_ns = clock.now_ns();
     let mut run = Run {
@@ -69,9 +71,9 @@ pub(super) fn run<C: Clock>(
     let error = answered.and_then(|_end| run.send_rest()).err();
     let Run { bus, responses, rearmed, bus_loss, first_refused, .. } = run;
     let counts = BusCounts::new(bus.statistics(), node.frames());
-    let report = ExciterReport::new(node, error);
-    let outcome = left_unheard.or(report.outcome);
-    ExciterReport { outcome, responses, rearmed, bus: counts, bus_loss, first_refused, ..report }
+    let outcome = left_unheard.or(node.outcome());
+    let report = ExciterReport::new(node, outcome, error, first_refused, scenario);
+    ExciterReport { responses, rearmed, bus: counts, bus_loss, ..report }
 }
 
 /// Cause of the end of the exciter's loop.
@@ -83,16 +85,29 @@ enum Answered {
 }
 
 impl ExciterReport {
-    /// Makes the report of `node`'s work, without its responses and the counts of the bus.
-    pub(super) fn new(node: &dyn ExciterInterface, error: Option<RunError>) -> ExciterReport {
+    /// Makes the report of `node`'s work in a run of `scenario`, without its responses and the counts of the bus.
+    pub(super) fn new(
+        node: &dyn ExciterInterface,
+        outcome: Option<ExciterOutcome>,
+        error: Option<RunError>,
+        first_refused: Option<RefusedFrame>,
+        scenario: &Scenario,
+    ) -> ExciterReport {
+        let is_beyond = matches!(
+            outcome,
+            Some(ExciterOutcome::Faulted(Emergency {
+                node: Node::Exciter,
+                code: EmergencyCode::CommandOutOfRange,
+                ..
+            }))
+        );
+        let unsent = node.carried().last_answer().filter(|_| is_beyond);
         ExciterReport {
-            outcome: node.outcome(),
+            outcome,
             partner_fault: node.plant_fault(),
             bus_loss: None,
-            cause: None,
-            first_refused_frame: None,
-            first_refused: None,
-            last_answer: node.carried().last_answer(),
+            cause: unsent.map(|(sample, load)| unsent_command(sample, &load, scenario)),
+            first_refused_frame: first_refused.map(|refused| refused.in_words(scenario)),
             error,
             samples_played: node.samples_played(),
             missed_samples: node.work().missed_samples(),

@@ -5,17 +5,15 @@ use core::fmt::Write;
 use serde::{Serialize, Serializer};
 
 use super::bench::Bench;
-use super::mistakes::{RefusedFrame, first_such_sample, refused_command, unsent_command};
+use super::mistakes::{first_such_sample, refused_command};
 use super::round_trip::RoundTrips;
 use super::{BusLoss, RunError, Signals};
 use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
-use resonarm_bench::rig::Load;
 use resonarm_bus::{ControllerErrors, Statistics};
 use resonarm_files::recording::Summary;
-use resonarm_protocol::{Emergency, EmergencyCode, Node, Refusal, Trip};
+use resonarm_protocol::{Emergency, EmergencyCode, Refusal, Trip};
 use resonarm_realtime::{LatencyHistogram, OverrunCauses, Percentiles, SpinChoice, ThreadReport};
-use resonarm_scenario::Scenario;
 
 /// The outcome of a plant's run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -174,10 +172,6 @@ pub struct ExciterReport {
     pub cause: Option<String>,
     /// The first frame that was rejected in a check, with the reason.
     pub first_refused_frame: Option<String>,
-    /// The first rejected frame, before it is described in words.
-    pub(super) first_refused: Option<RefusedFrame>,
-    /// The last load that the controller sent as an answer, and its sample.
-    pub(super) last_answer: Option<(u64, Load)>,
     /// Error that ended the run early, if one did.
     pub error: Option<RunError>,
     /// Samples answered, counted from the start of the profile.
@@ -232,17 +226,6 @@ impl ExciterReport {
             text.insert_str(place, &format!(": {}", causes.join("; ")));
         }
         Some(text)
-    }
-
-    /// Returns the report with everything in words that a scenario is needed for.
-    pub(super) fn explained(self, scenario: &Scenario) -> ExciterReport {
-        let is_beyond = self
-            .fault()
-            .is_some_and(|fault| (fault.node, fault.code) == (Node::Exciter, EmergencyCode::CommandOutOfRange));
-        let cause =
-            self.last_answer.filter(|_| is_beyond).map(|(sample, load)| unsent_command(sample, &load, scenario));
-        let first_refused_frame = self.first_refused.map(|refused| refused.in_words(scenario));
-        ExciterReport { cause, first_refused_frame, ..self }
     }
 }
 

@@ -357,8 +357,7 @@ impl Session {
         if self.mode == Mode::Lockstep {
             bus.work_on_caller()?;
         }
-        let report = exciter::run(&mut *node, bus, &SystemClock, patience, (signals, watched));
-        Ok(report.explained(&self.scenario))
+        Ok(exciter::run(&mut *node, bus, &SystemClock, patience, (signals, watched), &self.scenario))
     }
 
     /// Returns the name of the bus between the nodes in a recording of [`Session::both`].
@@ -402,7 +401,7 @@ impl Session {
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let plant_ended = AtomicBool::new(false);
-        let patience = self.patience(Some(&plant_ended));
+        let (patience, scenario) = (self.patience(Some(&plant_ended)), &self.scenario);
         signals.set_exciter_ended(false);
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one and leaves the loop's core, so that it stays an
@@ -410,7 +409,7 @@ impl Session {
             // The plant keeps the count of samples; the exciter only listens for the stop.
             let work = move || {
                 let _ended = AtEnd(|| signals.set_exciter_ended(true));
-                exciter::run(&mut *node, &mut far, &SystemClock, patience, (signals, watched))
+                exciter::run(&mut *node, &mut far, &SystemClock, patience, (signals, watched), scenario)
             };
             let controller = thread::Builder::new()
                 .name(String::from("exciter"))
@@ -425,10 +424,7 @@ impl Session {
             }
             drop(near);
             drop(ended);
-            let exciter = match controller.join() {
-                Ok(report) => report.explained(&self.scenario),
-                Err(panic) => std::panic::resume_unwind(panic),
-            };
+            let exciter = controller.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             Ok(BothReport { plant: plant?, exciter })
         })
     }
@@ -476,8 +472,8 @@ impl Session {
             ..self.explained(&bench, PlantReport::new(&bench, bus, outcome, error))
         };
         let bus = BusCounts::new(far.statistics(), exciter.frames());
-        let exciter = ExciterReport { responses, bus, first_refused, ..ExciterReport::new(&*exciter, None) };
-        let exciter = exciter.explained(&self.scenario);
+        let report = ExciterReport::new(&*exciter, exciter.outcome(), None, first_refused, &self.scenario);
+        let exciter = ExciterReport { responses, bus, ..report };
         drop(bench);
         Ok(BothReport { plant: finish_recording(recorder, plant), exciter })
     }

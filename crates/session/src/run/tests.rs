@@ -447,6 +447,7 @@ fn an_exciter_s_last_disarm_waits_for_the_queue_though_frames_are_unread() {
         &clock,
         super::exciter::Patience { wait: None, rearm: 0, plant_ended: None },
         (&Signals::default(), None),
+        &scenario(),
     );
     assert_eq!(report.outcome, Some(ExciterOutcome::Stopped));
     assert!(bus.sent >= 3, "boot-up, pre-operational, hello: {}", bus.sent);

@@ -38,7 +38,7 @@ fn an_exciter_that_starts_after_its_plant_has_ended_hears_it_out_and_ends() {
     drop(near);
     let mut node = NodeBus::new(&scenario(), Mode::RealTime, &ScriptedClock::default()).exciter;
     let patience = Patience { wait: Some(PATIENCE), rearm: 0, plant_ended: Some(&AtomicBool::new(true)) };
-    let report = exciter::run(&mut node, &mut far, &SystemClock, patience, (&Signals::default(), None));
+    let report = exciter::run(&mut node, &mut far, &SystemClock, patience, (&Signals::default(), None), &scenario());
     assert_eq!(report.outcome, Some(ExciterOutcome::PlantLeft), "{report:?}");
     assert!(report.error.is_none() && report.bus.received > 0, "{report:?}");
 }

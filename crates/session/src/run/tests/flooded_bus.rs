@@ -51,7 +51,8 @@ fn run_flooded(wait: Option<Duration>, signals: &Signals) -> ExciterReport {
     let clock = ScriptedClock::default();
     let mut node = NodeBus::new(&scenario(), Mode::RealTime, &clock).exciter;
     let mut bus = FloodedBus { clock: clock.clone(), received: 0 };
-    exciter::run(&mut node, &mut bus, &clock, Patience { wait, rearm: 0, plant_ended: None }, (signals, None))
+    let patience = Patience { wait, rearm: 0, plant_ended: None };
+    exciter::run(&mut node, &mut bus, &clock, patience, (signals, None), &scenario())
 }
 
 /// The exciter read its bus until nothing was left, so that a flood delayed the stop and every timeout for ever.

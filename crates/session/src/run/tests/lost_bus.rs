@@ -117,7 +117,7 @@ fn exciter_beside(loss: Loss, lost_ns: Range<u64>, rearm: u32) -> (ExciterReport
     let mut node = NodeBus::new(&scenario, Mode::RealTime, &clock).exciter;
     let mut bus = LostBus { clock: clock.clone(), loss, lost_ns, incoming, has_failed: false };
     let patience = Patience { wait: None, rearm, plant_ended: None };
-    let report = exciter::run(&mut node, &mut bus, &clock, patience, (&Signals::default(), None));
+    let report = exciter::run(&mut node, &mut bus, &clock, patience, (&Signals::default(), None), &scenario);
     (report, clock.now_ns())
 }
 
