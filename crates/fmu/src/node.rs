@@ -302,10 +302,7 @@ impl Model for Node {
         self.record()?;
         match (self.tape.take(), &self.end) {
             (Some(tape), End::Plant(plant)) => {
-                let samples = plant.plant().sample();
-                let steps = samples * u64::from(self.session.scenario().simulation.steps_per_sample());
-                // A sample is measured at the start and after each hold, so there is one more than were advanced.
-                Ok(tape.finish(samples + 1, steps, plant.statistics())?)
+                Ok(tape.finish(&self.session, plant.plant().sample(), plant.statistics())?)
             }
             _ => Ok(()),
         }

@@ -160,11 +160,8 @@ impl Model for Signals {
     fn end(&mut self) -> Result<(), Fault> {
         let end = self.state(Load::default(), true);
         self.record(|_| end);
-        let samples = self.now.plant.sample();
-        let steps = samples * u64::from(self.session.scenario().simulation.steps_per_sample());
         match self.tape.take() {
-            // A sample is measured at the start and after each hold, so there is one more than were advanced.
-            Some(tape) => Ok(tape.finish(samples + 1, steps, Statistics::default())?),
+            Some(tape) => Ok(tape.finish(&self.session, self.now.plant.sample(), Statistics::default())?),
             None => Ok(()),
         }
     }

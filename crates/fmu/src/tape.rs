@@ -88,13 +88,15 @@ impl Tape {
         Ok(())
     }
 
-    /// Writes all, and the end of the file.
-    pub fn finish(mut self, samples: u64, steps: u64, frames: Statistics) -> Result<(), RecordingError> {
+    /// Writes all, and the end of the file, of a run of `session` that was advanced by so many samples.
+    pub fn finish(mut self, session: &Session, advanced: u64, frames: Statistics) -> Result<(), RecordingError> {
         self.write(u64::MAX)?;
+        let steps = advanced * u64::from(session.scenario().simulation.steps_per_sample());
         let Tape { recorder, channel, .. } = self;
         drop(channel);
         let statistics = [
-            ("samples", samples.to_string()),
+            // A sample is measured at the start and after each hold, so there is one more than were advanced.
+            ("samples", (advanced + 1).to_string()),
             ("steps", steps.to_string()),
             ("frames_received", frames.received.to_string()),
             ("frames_sent", frames.sent.to_string()),
