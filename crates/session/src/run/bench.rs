@@ -233,15 +233,8 @@ impl<'a> Bench<'a> {
 
     /// Gives a received frame to the node, and records it.
     pub fn take(&mut self, now_ns: u64, received: &Received) {
-        let record = FrameRecord {
-            sample: self.sample(),
-            direction: Direction::Received,
-            time_ns: now_ns,
-            bus_timestamp_ns: received.timestamp_ns,
-            frame: received.frame,
-        };
         // Recorded before it is checked, so that the recording also has the frames that are rejected.
-        self.record(&Record::Frame(record));
+        self.record_frame(Direction::Received, now_ns, received.timestamp_ns, received.frame);
         self.outage.iter_mut().for_each(Outage::hear);
         let refused = self.node.frames().refused;
         self.node.handle_frame(now_ns, &received.frame);
@@ -391,9 +384,9 @@ impl<'a> Bench<'a> {
         }
     }
 
-    fn record_sent(&mut self, now_ns: u64, frame: Frame) {
-        let (sample, direction) = (self.sample(), Direction::Sent);
-        self.record(&Record::Frame(FrameRecord { sample, direction, time_ns: now_ns, bus_timestamp_ns: None, frame }));
+    fn record_frame(&mut self, direction: Direction, time_ns: u64, bus_timestamp_ns: Option<u64>, frame: Frame) {
+        let sample = self.sample();
+        self.record(&Record::Frame(FrameRecord { sample, direction, time_ns, bus_timestamp_ns, frame }));
     }
 
     /// Sends the queued frames; frames that find the queue full wait for the next call. Returns `true` if all are sent.
@@ -439,7 +432,7 @@ impl<'a> Bench<'a> {
         }
         for frame in sent {
             self.node.frame_sent();
-            self.record_sent(now_ns, *frame);
+            self.record_frame(Direction::Sent, now_ns, None, *frame);
         }
         outcome
     }
