@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::conversion::{factor, known};
+use super::conversion::signal_factor;
 use super::error::{Place, WireError};
 use super::exact::Exact;
 use super::signals::quantity::Quantities;
@@ -438,12 +438,7 @@ fn input_scale(place: &Place, input: &InputSpec, signal: &Signal, quantity: Quan
     let of_signal = if input.constant_per_a.is_some() { Quantity::Current } else { quantity };
     let scale = match input.scale {
         Some(_) => finite("scale", input.scale, 1.0, "a number other than 0")?,
-        None => factor(of_signal, signal.unit()).ok_or_else(|| WireError::Unit {
-            place: place.clone(),
-            got: signal.unit().to_string(),
-            expected: of_signal.unit(),
-            known: known(of_signal),
-        })?,
+        None => signal_factor(place, of_signal, signal)?,
     };
     Ok((scale * constant * gear, offset))
 }

@@ -1,5 +1,7 @@
 //! Conversion of the units of signals, as DBC files write them.
 
+use super::error::{Place, WireError};
+use crate::dbc::Signal;
 use resonarm_bench::structure::Quantity;
 
 /// Standard acceleration of free fall, m/s² (ISO 80000-3).
@@ -60,17 +62,25 @@ const fn units(quantity: Quantity) -> (&'static [Unit], &'static str) {
     }
 }
 
+/// Returns the size of the signal's unit in the quantity's own unit.
+///
+/// # Errors
+/// [`WireError::Unit`] with the known units if it is none of them.
+pub(super) fn signal_factor(place: &Place, quantity: Quantity, signal: &Signal) -> Result<f64, WireError> {
+    factor(quantity, signal.unit()).ok_or_else(|| WireError::Unit {
+        place: place.clone(),
+        got: signal.unit().to_string(),
+        expected: quantity.unit(),
+        known: units(quantity).1,
+    })
+}
+
 /// Returns the size of `unit` in the quantity's own unit, if the unit is known.
-pub(super) fn factor(quantity: Quantity, unit: &str) -> Option<f64> {
+fn factor(quantity: Quantity, unit: &str) -> Option<f64> {
     // Blanks are dropped, since DBC files write both `deg/s` and `deg / s`.
     let plain: String = unit.chars().filter(|letter| !letter.is_whitespace()).collect();
     let (units, _) = units(quantity);
     units.iter().find(|(names, _)| names.contains(&plain.as_str())).map(|(_, factor)| *factor)
-}
-
-/// Returns the known units of a quantity, for messages.
-pub(super) const fn known(quantity: Quantity) -> &'static str {
-    units(quantity).1
 }
 
 #[cfg(test)]

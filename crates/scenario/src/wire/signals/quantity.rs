@@ -4,7 +4,7 @@ use crate::Scenario;
 use crate::dbc::Signal;
 use crate::nearest::nearest;
 use crate::wire::SourceSpec;
-use crate::wire::conversion::{factor, known};
+use crate::wire::conversion::signal_factor;
 use crate::wire::error::{Place, WireError};
 use resonarm_bench::node::mapped::mapping::{Source, Value};
 use resonarm_bench::rig::InstrumentName;
@@ -144,13 +144,7 @@ fn scale(place: &Place, spec: &SourceSpec, channel: &Channel, signal: &Signal) -
     };
     let units = match scale {
         Some(scale) => scale,
-        None => match factor(quantity, signal.unit()) {
-            Some(factor) => 1.0 / factor,
-            None => {
-                let (got, expected) = (signal.unit().to_string(), quantity.unit());
-                return Err(WireError::Unit { place: place.clone(), got, expected, known: known(quantity) });
-            }
-        },
+        None => 1.0 / signal_factor(place, quantity, signal)?,
     };
     Ok(units * of_motor / constant.unwrap_or(1.0))
 }
