@@ -64,7 +64,7 @@ fn an_impulse_is_refused_where_the_rate_of_change_is_limited() {
     let emergency = slow.emergency.unwrap();
     assert_eq!(emergency.code, EmergencyCode::CommandTimeout);
     assert_eq!(Refusal::from_detail(emergency.detail).1, Some(Refusal::RateOfChange));
-    insta::assert_snapshot!(fault_text(&emergency, None, None), @"fault of the plant, code 1: no valid command in time (20 rejected, the last because it changes the load too fast), at sample 23; to fix it: lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change");
+    insta::assert_snapshot!(fault_text(&emergency, None, None, None), @"fault of the plant, code 1: no valid command in time (20 rejected, the last because it changes the load too fast), at sample 23; to fix it: lower the excitation or its frequency, lengthen its ramp, or raise rig.gate's limits of the rate of change");
     assert!(slow.refused.rate_of_change > 0);
     assert_eq!(events(&path, "plant.command.rate_of_change") as u64, slow.refused.rate_of_change);
     let jump = |pair: &[Moment]| (pair[1].load.force_n - pair[0].load.force_n).amax();
@@ -84,7 +84,7 @@ fn in_lockstep_a_refused_command_ends_with_its_reason_at_both_ends() {
     let scenario = Scenario::parse(text, "test").unwrap();
     let session = Session::new(scenario, Mode::Lockstep, Options { record, ..Options::default() }).unwrap();
     let report = session.both(&Signals::default(), |_event| {}).unwrap();
-    let of_plant = fault_text(&report.plant.emergency.unwrap(), report.plant.partner_fault.as_ref(), None);
+    let of_plant = fault_text(&report.plant.emergency.unwrap(), None, report.plant.partner_fault.as_ref(), None);
     let of_exciter = ExciterEnd::from(&report.exciter).reason.unwrap();
     for text in [&of_plant, &of_exciter] {
         assert!(text.contains("it changes the load too fast"), "{text}");
@@ -114,7 +114,7 @@ fn an_arm_driven_beyond_its_travel_is_let_go_at_once() {
         let emergency = report.emergency.unwrap();
         assert_eq!((emergency.code, emergency.detail), (EmergencyCode::ExciterTripped, Trip::Travel as u16));
         if mode == Mode::Free {
-            insta::assert_snapshot!(fault_text(&emergency, None, None), @"fault of the plant, code 14: the exciter has tripped (the travel), at sample 131; to fix it: lower the excitation, or raise rig.gate.travel_limit_m");
+            insta::assert_snapshot!(fault_text(&emergency, None, None, None), @"fault of the plant, code 14: the exciter has tripped (the travel), at sample 131; to fix it: lower the excitation, or raise rig.gate.travel_limit_m");
         }
         // The first sample beyond is the one whose command trips it, and no load acts from there on.
         let tripped = moments.iter().position(|moment| moment.travel_m > limit_m).unwrap();

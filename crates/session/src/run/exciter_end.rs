@@ -20,7 +20,7 @@ impl ExciterEnd {
         let (outcome, reason) = match outcome {
             Some(ExciterOutcome::Finished) => ("finished", None),
             Some(ExciterOutcome::Aborted(abort)) => ("aborted", Some(abort.to_string())),
-            Some(ExciterOutcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency, None, None))),
+            Some(ExciterOutcome::Faulted(emergency)) => ("faulted", Some(fault_text(emergency, None, None, None))),
             Some(ExciterOutcome::PlantLeft) => {
                 ("plant-left", Some(String::from("the plant left the bus before the excitation was over")))
             }

@@ -144,7 +144,7 @@ impl PlantReport {
     /// Returns the fault that was latched at the end in words, with its cause and remedy.
     pub fn fault_text(&self) -> Option<String> {
         let emergency = self.emergency.as_ref()?;
-        let text = text_of_fault(emergency, self.cause.as_ref(), self.partner_fault.as_ref(), self.bus_loss);
+        let text = fault_text(emergency, self.cause.as_ref(), self.partner_fault.as_ref(), self.bus_loss);
         let sample = self.fault.map_or_else(|| emergency.sample.into(), |fault| fault.sample);
         Some(at_full_sample(text, emergency, sample))
     }
@@ -213,7 +213,7 @@ impl ExciterReport {
     /// Returns the fault that ended it in words, with its cause and remedy.
     pub fn fault_text(&self) -> Option<String> {
         let fault = self.fault()?;
-        let text = fault_text(fault, self.partner_fault.as_ref(), self.bus_loss);
+        let text = fault_text(fault, None, self.partner_fault.as_ref(), self.bus_loss);
         let mut text = at_full_sample(text, fault, self.full_sample(fault));
         let mut causes: Vec<String> = self.cause.iter().cloned().collect();
         let is_of_partner = matches!(fault.code, EmergencyCode::PartnerFault | EmergencyCode::SensorTimeout);
@@ -311,13 +311,9 @@ const fn name(code: EmergencyCode) -> &'static str {
     }
 }
 
-/// Describes a fault and its remedy; where `partner` reported the reason, its fault and remedy.
-pub fn fault_text(emergency: &Emergency, partner: Option<&Emergency>, bus_loss: Option<BusLoss>) -> String {
-    text_of_fault(emergency, None, partner, bus_loss)
-}
-
-/// Describes a fault with the node's knowledge of the cause.
-fn text_of_fault(
+/// Describes a fault and its remedy, with the node's knowledge of the cause; where `partner` reported the reason, its
+/// fault and remedy.
+pub fn fault_text(
     emergency: &Emergency,
     cause: Option<&FaultCause>,
     partner: Option<&Emergency>,

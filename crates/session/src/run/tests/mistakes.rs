@@ -71,7 +71,7 @@ fn the_first_refused_frame_is_shown_with_its_reason() {
 fn ends_of_which_neither_has_faulted_do_not_blame_each_other() {
     let of = |node, detail| Emergency { node, code: EmergencyCode::PartnerFault, detail, sample: 585 };
     let (plant, exciter) = (of(Node::Plant, 2), of(Node::Exciter, 1));
-    for said in [fault_text(&plant, Some(&exciter), None), fault_text(&exciter, None, None)] {
+    for said in [fault_text(&plant, None, Some(&exciter), None), fault_text(&exciter, None, None, None)] {
         assert!(said.contains("a heartbeat") && said.contains("bit errors"), "{said}");
     }
 }
