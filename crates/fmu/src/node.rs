@@ -67,7 +67,7 @@ impl Node {
     /// Creates the node of the plant, or of the exciter.
     pub fn new(session: Session, is_plant: bool, clock: TxClock) -> Result<Node, Fault> {
         let end = match is_plant {
-            true => End::Plant(Box::new(session.hosted_plant(true)?)),
+            true => End::Plant(Box::new(session.hosted_plant()?)),
             false => End::Exciter(session.hosted_exciter()?),
         };
         let network = &session.scenario().network;

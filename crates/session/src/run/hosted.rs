@@ -117,13 +117,12 @@ impl core::fmt::Debug for HostedPlant {
 }
 
 impl Session {
-    /// Makes the plant's node for a host, at sample 0 and not yet started. It keeps its records if `keeps_records`.
+    /// Makes the plant's node for a host, at sample 0 and not yet started. It keeps its records.
     ///
     /// # Errors
     /// [`RunError`] if the scenario has no such node.
-    pub fn hosted_plant(&self, keeps_records: bool) -> Result<HostedPlant, RunError> {
-        let bench = self.hosted_bench(keeps_records)?;
-        Ok(HostedPlant { bench, port: HostPort::default(), rate: self.rate })
+    pub fn hosted_plant(&self) -> Result<HostedPlant, RunError> {
+        Ok(HostedPlant { bench: self.hosted_bench()?, port: HostPort::default(), rate: self.rate })
     }
 
     /// Makes the exciter's node with its controller for a host, not yet started. It is made for the plant of the same

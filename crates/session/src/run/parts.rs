@@ -152,10 +152,9 @@ impl Session {
         Ok(Bench::new(self.plant.clone(), node, steps, records, watched, Box::new(on_event)))
     }
 
-    /// Makes a bench that nobody watches, and that keeps its records if `keeps_records`.
-    pub(super) fn hosted_bench(&self, keeps_records: bool) -> Result<Bench<'static>, RunError> {
-        let records = if keeps_records { RecordSink::Kept(Vec::new()) } else { RecordSink::Off };
-        let steps = self.scenario.simulation.steps_per_sample();
+    /// Makes a bench that nobody watches, and that keeps its records.
+    pub(super) fn hosted_bench(&self) -> Result<Bench<'static>, RunError> {
+        let (records, steps) = (RecordSink::Kept(Vec::new()), self.scenario.simulation.steps_per_sample());
         Ok(Bench::new(self.plant.clone(), self.plant_node()?, steps, records, None, Box::new(|_| {})))
     }
 
