@@ -16,8 +16,8 @@ use crate::variables::Source;
 use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::{Load, MOST_CHANNELS, Measurement};
 use resonarm_bus::Statistics;
-use resonarm_files::recording::{Record, StateRecord};
-use resonarm_session::run::{Session, sample_record};
+use resonarm_files::recording::Record;
+use resonarm_session::run::{Session, sample_record, state_record};
 
 /// The plant at a sample, measured.
 #[derive(Clone, Debug)]
@@ -59,17 +59,6 @@ impl Signals {
         }
     }
 
-    /// The state at the sample, with the load held from it on.
-    fn state(&self, load: Load, is_end: bool) -> Record {
-        Record::State(StateRecord {
-            sample: self.now.plant.sample(),
-            states: *self.now.plant.states(),
-            load,
-            taken: self.now.plant.inputs(),
-            is_end,
-        })
-    }
-
     fn record_sample(&mut self) {
         self.record(|now| Record::Sample(sample_record(&now.measurement)));
     }
@@ -91,7 +80,7 @@ impl Signals {
     /// Advances to the next sample and measures it.
     fn advance(&mut self, load: Load) -> Result<(), Fault> {
         // Taken before the plant advances, but recorded only if it does: a hold that fails is not in the recording.
-        let before = self.state(load, false);
+        let before = state_record(&self.now.plant, &load, false);
         self.now.plant.advance(&load)?;
         self.record(|_| before);
         self.now.measurement = self.now.plant.measure();
@@ -158,8 +147,7 @@ impl Model for Signals {
     }
 
     fn end(&mut self) -> Result<(), Fault> {
-        let end = self.state(Load::default(), true);
-        self.record(|_| end);
+        self.record(|now| state_record(&now.plant, &Load::default(), true));
         match self.tape.take() {
             Some(tape) => Ok(tape.finish(&self.session, self.now.plant.sample(), Statistics::default())?),
             None => Ok(()),

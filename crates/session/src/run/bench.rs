@@ -1,6 +1,6 @@
 //! The plant with its node and its recording: the steps that all run loops share.
 
-use super::event_record::{controller_record, event_record, request_records, sample_record};
+use super::event_record::{controller_record, event_record, request_records, sample_record, state_record};
 use super::mistakes::{RefusedFrame, last_such_sample};
 use super::outage::Outage;
 use super::record_sink::RecordSink;
@@ -10,7 +10,7 @@ use resonarm_bench::node::{NodeEvent, PlantInterface, PublishedSample};
 use resonarm_bench::plant::{Plant, PlantError};
 use resonarm_bench::rig::{Load, Measurement, Readings};
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
-use resonarm_files::recording::{Direction, Event, FrameRecord, Record, StateRecord, TickRecord};
+use resonarm_files::recording::{Direction, Event, FrameRecord, Record, TickRecord};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
 
 /// Frames taken from the bus in one go: bounds the work of a sample. At 1 Mbit/s a sample of 1 ms has at most 9 frames.
@@ -343,7 +343,7 @@ impl<'a> Bench<'a> {
         }
         // The record joins the state at the sample with the load held from there on. It is written only if the
         // step succeeds.
-        let before = Record::State(self.state(&load, false));
+        let before = state_record(&self.plant, &load, false);
         self.advance_plant(now_ns, &load)?;
         self.record(&before);
         Ok(())
@@ -369,19 +369,7 @@ impl<'a> Bench<'a> {
 
     /// Records the last state of the run, from which nothing is advanced.
     pub fn record_end(&mut self) {
-        let end = self.state(&Load::default(), true);
-        self.record(&Record::State(end));
-    }
-
-    /// Returns the state at the sample, with the load held from it on.
-    fn state(&self, load: &Load, is_end: bool) -> StateRecord {
-        StateRecord {
-            sample: self.sample(),
-            states: *self.plant.states(),
-            load: *load,
-            taken: self.plant.inputs(),
-            is_end,
-        }
+        self.record(&state_record(&self.plant, &Load::default(), true));
     }
 
     fn record_frame(&mut self, direction: Direction, time_ns: u64, bus_timestamp_ns: Option<u64>, frame: Frame) {

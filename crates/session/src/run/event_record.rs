@@ -1,13 +1,14 @@
-//! Converts the events, requests and measurements of a node to records.
+//! Converts the events and requests of a node, and the states and measurements of a plant, to records.
 
 use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
 use super::Request;
 use resonarm_bench::control::SetPoint;
 use resonarm_bench::node::{FrameCheck, FrameFault, NodeEvent};
-use resonarm_bench::rig::{Measurement, Reading};
+use resonarm_bench::plant::Plant;
+use resonarm_bench::rig::{Load, Measurement, Reading};
 use resonarm_bus::ControllerState;
-use resonarm_files::recording::{Clipped, SampleRecord};
+use resonarm_files::recording::{Clipped, Record, SampleRecord, StateRecord};
 
 /// Returns the name under which a rejected request is recorded.
 const fn refusal_name(refusal: Refusal) -> &'static str {
@@ -79,6 +80,12 @@ pub(super) fn request_records(request: &Request) -> [Option<(&'static str, i64)>
             Some(("request.phase_mdeg", thousandths(*phase_deg))),
         ],
     }
+}
+
+/// Returns the state of a plant as it is recorded, with the load held from its sample on.
+pub fn state_record(plant: &Plant, load: &Load, is_end: bool) -> Record {
+    let (sample, states, taken) = (plant.sample(), *plant.states(), plant.inputs());
+    Record::State(StateRecord { sample, states, load: *load, taken, is_end })
 }
 
 /// Returns the readings of a sample as they are recorded.

@@ -61,7 +61,7 @@ mod thread;
 mod watch;
 
 pub use error::RunError;
-pub use event_record::sample_record;
+pub use event_record::{sample_record, state_record};
 pub use exciter_end::ExciterEnd;
 pub use gauges::{Gauges, Shown};
 pub use hosted::{HostPort, HostedExciter, HostedPlant};
