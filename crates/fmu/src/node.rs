@@ -16,8 +16,8 @@ use crate::terminal::Terminal;
 use crate::variables::Source;
 use resonarm_files::recording::Record;
 use resonarm_protocol::bits::BitRates;
-use resonarm_protocol::{Frame, NodeState, Profile};
-use resonarm_session::run::{HostedExciter, HostedPlant, Session};
+use resonarm_protocol::{NodeState, Profile};
+use resonarm_session::run::{HostPort, HostedExciter, HostedPlant, Session};
 
 /// The bit rate that a node asks of the bus if its scenario names none, Hz.
 const BIT_RATE_HZ: u32 = 1_000_000;
@@ -91,35 +91,23 @@ impl Node {
     fn exchange(&mut self) -> Result<(), Fault> {
         if self.controller.recovers_ns.is_some_and(|recovers_ns| self.now_ns >= recovers_ns) {
             self.controller = Controller::default();
-            self.set_bus_off(false);
+            self.port().set_bus_off(false);
             self.terminal.send(&Operation::Status(Status::Active));
         }
-        let sent = match &mut self.end {
-            End::Plant(plant) => {
-                plant.exchange(self.now_ns)?;
-                plant.port.sent()
-            }
-            End::Exciter(exciter) => {
-                exciter.exchange(self.now_ns);
-                exciter.port.sent()
-            }
-        };
+        match &mut self.end {
+            End::Plant(plant) => plant.exchange(self.now_ns)?,
+            End::Exciter(exciter) => exciter.exchange(self.now_ns),
+        }
+        let sent = self.port().sent();
         sent.into_iter().for_each(|frame| self.terminal.send(&Operation::Transmit(frame)));
         self.record()?;
         self.terminal.check()
     }
 
-    fn set_bus_off(&mut self, is_off: bool) {
+    fn port(&mut self) -> &mut HostPort {
         match &mut self.end {
-            End::Plant(plant) => plant.port.set_bus_off(is_off),
-            End::Exciter(exciter) => exciter.port.set_bus_off(is_off),
-        }
-    }
-
-    fn take(&mut self, frame: Frame) {
-        match &mut self.end {
-            End::Plant(plant) => plant.port.take(frame),
-            End::Exciter(exciter) => exciter.port.take(frame),
+            End::Plant(plant) => &mut plant.port,
+            End::Exciter(exciter) => &mut exciter.port,
         }
     }
 
@@ -149,7 +137,7 @@ impl Node {
     /// Follows an operation of the bus.
     fn follow(&mut self, operation: Operation) {
         match operation {
-            Operation::Transmit(frame) => self.take(frame),
+            Operation::Transmit(frame) => self.port().take(frame),
             Operation::Confirm(_) => {
                 self.controller.transmit_errors = self.controller.transmit_errors.saturating_sub(1);
             }
@@ -171,7 +159,7 @@ impl Node {
         if *errors >= 256 && self.controller.recovers_ns.is_none() {
             let bits_ns = RECOVERY_BITS * 1_000_000_000 / u64::from(self.rates.nominal_hz);
             self.controller.recovers_ns = Some(self.now_ns + bits_ns);
-            self.set_bus_off(true);
+            self.port().set_bus_off(true);
             self.terminal.send(&Operation::Status(Status::BusOff));
         } else if *errors >= 128 && !was_passive {
             self.terminal.send(&Operation::Status(Status::Passive));
