@@ -25,7 +25,7 @@ pub(super) struct Loads {
     is_wanted: bool,
     commands: Vec<Command>,
     armed: Vec<bool>,
-    changes: LoadChanges,
+    pub changes: LoadChanges,
 }
 
 /// A load that changes from sample to sample.
@@ -53,7 +53,7 @@ impl LoadChanges {
 }
 
 impl Loads {
-    /// Starts without a load; `is_wanted` if [`Loads::at`] will be called. Drives that no message arms count as armed.
+    /// Starts without a load; `is_wanted` if the changes will be asked for. Drives that no message arms count as armed.
     pub fn new(mapping: &Mapping, is_wanted: bool, name: impl Fn(Id) -> String) -> Loads {
         let drives = mapping.incoming.iter().map(|message| message.drive + 1).max().unwrap_or(1);
         let command = |message: &Incoming| Command {
@@ -97,11 +97,6 @@ impl Loads {
         if self.is_wanted {
             self.changes.insert(now, load);
         }
-    }
-
-    /// Returns the load held from a sample on; later calls must be for later samples.
-    pub fn at(&mut self, sample: u64) -> Load {
-        self.changes.at(sample)
     }
 
     fn drop_load(&mut self, is_meant: impl Fn(usize) -> bool) {

@@ -162,7 +162,7 @@ impl Gatherer {
         if self.readings.is_none() {
             self.gaps.count(sample, &mut self.found);
         }
-        Some(Record::State(state_record(sample, &row, (self.loads.at(sample), self.taken))))
+        Some(Record::State(state_record(sample, &row, (self.loads.changes.at(sample), self.taken))))
     }
 
     /// Returns the data gathered from all frames.
