@@ -160,8 +160,8 @@ fn kept(modes: Option<usize>, mass: &DMatrix<f64>) -> Result<usize, StructureSec
     }
 }
 
-/// Computes the lowest modes of M and K, and their damping ratios. `read` returns the matrix of a source, which must have
-/// the given number of rows if it is known.
+/// Computes the lowest modes of M and K, and their damping ratios. `read` returns the matrix of a source, which must
+/// have the given number of rows if it is known.
 fn sections<Source>(
     [mass, stiffness]: [Source; 2],
     damping: Option<Source>,
