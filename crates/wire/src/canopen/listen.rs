@@ -235,7 +235,8 @@ impl Listener {
             // The fixed identifiers come first: a PDO can't be moved onto them, so only then are the PDO parameters
             // searched.
             id if is_fd => match self.pdo_of(id) {
-                Some(part) => part,
+                Some(Pdo { direction: TRANSMIT, number }) => Part::TransmitPdo(number + 1),
+                Some(Pdo { number, .. }) => Part::ReceivePdo(number + 1),
                 None => return Heard::Foreign,
             },
             id => return self.hear_pdo(id, is_remote, data),
@@ -293,38 +294,24 @@ impl Listener {
     }
 
     /// Returns the PDO that has an identifier.
-    fn pdo_of(&self, id: u16) -> Option<Part> {
-        (0..PDOS).find_map(|number| {
-            let is_of = |direction| Pdo { direction, number }.id(&self.dictionary) == Some(id);
-            if is_of(TRANSMIT) {
-                Some(Part::TransmitPdo(number + 1))
-            } else {
-                is_of(RECEIVE).then_some(Part::ReceivePdo(number + 1))
-            }
-        })
+    fn pdo_of(&self, id: u16) -> Option<Pdo> {
+        let mut pdos = (0..PDOS).flat_map(|number| [TRANSMIT, RECEIVE].map(|direction| Pdo { direction, number }));
+        pdos.find(|pdo| pdo.id(&self.dictionary) == Some(id))
     }
 
     fn hear_pdo(&mut self, id: u16, is_remote: bool, data: &[u8]) -> Heard {
-        for number in 0..PDOS {
-            for direction in [TRANSMIT, RECEIVE] {
-                let pdo = Pdo { direction, number };
-                let is_sent = direction == TRANSMIT;
-                if pdo.id(&self.dictionary) != Some(id) {
-                    continue;
-                }
-                if is_remote {
-                    let is_answered = is_sent && pdo.allows_remote(&self.dictionary);
-                    return Heard::PdoRequest { number: number + 1, is_answered };
-                }
-                let (values, missing) = self.mapped(pdo, data);
-                // The node discards a short PDO, so its values must not enter the tracked dictionary.
-                if missing.is_none() {
-                    values.iter().for_each(|(address, value)| self.dictionary.store(*address, *value));
-                }
-                return Heard::Pdo { number: number + 1, is_sent, values, missing };
-            }
+        let Some(pdo) = self.pdo_of(id) else { return Heard::Foreign };
+        let (number, is_sent) = (pdo.number + 1, pdo.direction == TRANSMIT);
+        if is_remote {
+            let is_answered = is_sent && pdo.allows_remote(&self.dictionary);
+            return Heard::PdoRequest { number, is_answered };
         }
-        Heard::Foreign
+        let (values, missing) = self.mapped(pdo, data);
+        // The node discards a short PDO, so its values must not enter the tracked dictionary.
+        if missing.is_none() {
+            values.iter().for_each(|(address, value)| self.dictionary.store(*address, *value));
+        }
+        Heard::Pdo { number, is_sent, values, missing }
     }
 
     /// Returns the values in a PDO, and the first mapped object that the frame is too short for.
