@@ -43,13 +43,13 @@ pub fn judge<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut names = Map::new();
     names.insert(String::from("specification"), json!(specification.to_string_lossy()));
-    names.insert(String::from("recording"), json!(recording.inner().path().to_string_lossy()));
+    names.insert(String::from("recording"), json!(recording.inner.path().to_string_lossy()));
     names.insert(String::from("reference"), json!(reference));
     let options = JudgeOptions { channels, reference, range_s };
     let (specification, judged) = py.detach(|| {
         let specification = read(&specification)?;
-        let judged = resonarm::judge::judge(&specification, recording.inner(), &options).map_err(error)?;
+        let judged = resonarm::judge::judge(&specification, &recording.inner, &options).map_err(error)?;
         Ok::<_, PyErr>((specification, judged))
     })?;
-    values::document(py, &Document::new(names, &specification, recording.inner(), &judged))
+    values::document(py, &Document::new(names, &specification, &recording.inner, &judged))
 }

@@ -22,7 +22,8 @@ use crate::values;
 #[pyclass(frozen, subclass, module = "resonarm._resonarm")]
 #[derive(Debug)]
 pub struct Recording {
-    inner: recording::Recording,
+    /// The recording of the library.
+    pub inner: recording::Recording,
 }
 
 /// The records of one part of a recording, read from the file on request.
@@ -32,13 +33,6 @@ pub struct Reader {
     from_sample: u64,
     to_sample: u64,
     origin: Origin,
-}
-
-impl Recording {
-    /// The recording of the library.
-    pub fn inner(&self) -> &recording::Recording {
-        &self.inner
-    }
 }
 
 #[pymethods]

@@ -27,7 +27,7 @@ type Average = (usize, f64, f64, [f64; 2]);
 const CONFIDENCE: f64 = 0.95;
 
 fn read(recording: &Recording, (names, range): &Wanted) -> PyResult<Signals> {
-    Signals::read(recording.inner(), names, *range).map_err(errors::signals)
+    Signals::read(&recording.inner, names, *range).map_err(errors::signals)
 }
 
 fn channels(signals: &Signals) -> Channels {
