@@ -30,7 +30,7 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
 /// Takes the node off the bus; once back, it must report that and be in fault. Returns the index of its heartbeat in
 /// the log.
 fn lose(t: &mut Tester) -> Result<usize, Stop> {
-    if t.take_off(OFF_NS) == BusOff::Impossible {
+    if t.wire.take_off(OFF_NS) == BusOff::Impossible {
         return skipped("only its own controller can go bus-off: no frame on this bus can cause it");
     }
     let from = t.heard.len();

@@ -2,9 +2,8 @@
 
 use super::exciter_role::{begin_with, commands, commands_of};
 use super::plant_cases::{becomes_fault, ramps};
-use super::plant_role::{arm, forces, hold, meet, run_samples};
-use super::source::Answers;
-use super::source::Samples;
+use super::plant_role::{drive, forces, run_samples};
+use super::source::{Answers, Samples};
 use super::stop::{Stop, failed, inconclusive, late};
 use super::tester::{Tester, emergency};
 use super::times::{MARGIN_NS, MS, ms};
@@ -13,9 +12,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, NodeState, Refusal};
 
 /// Holds the force, and then leaves a sample unanswered: returns its index.
 fn leave_unanswered(t: &mut Tester) -> Result<u16, Stop> {
-    meet(t)?;
-    arm(t, Answers::Force(t.settings.force_n))?;
-    hold(t)?;
+    drive(t)?;
     t.answers = Answers::None;
     t.run_ns(MARGIN_NS)?;
     match forces(t, 0).last() {

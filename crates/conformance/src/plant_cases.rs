@@ -197,7 +197,7 @@ pub(super) fn foreign_base(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn stopped(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     let from = t.heard.len();
-    if let Stopped::Impossible(why) = t.stop_node(STOP_NS) {
+    if let Stopped::Impossible(why) = t.wire.stop_node(STOP_NS) {
         return skipped(why);
     }
     t.run_ns(STOP_NS + 2 * MARGIN_NS)?;

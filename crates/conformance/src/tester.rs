@@ -10,7 +10,7 @@ use super::stop::{Stop, failed, inconclusive, late, slow, wrong};
 use super::times::GONE_NS;
 use super::traffic::Traffic;
 use super::tries::{LOOK_NS, Rejected, Watch};
-use super::wire::{BusOff, Stopped, Wire};
+use super::wire::Wire;
 use resonarm_protocol::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 use resonarm_protocol::{
     Capabilities, DecodeError, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, Message, MessageKind,
@@ -35,7 +35,7 @@ enum Looked {
 }
 
 pub(super) struct Tester<'w> {
-    wire: &'w mut dyn Wire,
+    pub wire: &'w mut dyn Wire,
     pub network: Network,
     pub tested: Node,
     pub settings: Settings,
@@ -343,16 +343,6 @@ impl<'w> Tester<'w> {
     /// Whether the profile can carry a force, N.
     pub fn can_command(&self, force_x_n: f64) -> bool {
         Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 }).check(self.network).is_ok()
-    }
-
-    /// Makes the controller of the node under test go bus-off for a time, if possible.
-    pub fn take_off(&mut self, for_ns: u64) -> BusOff {
-        self.wire.take_off(for_ns)
-    }
-
-    /// Stops the process of the node under test for a time, if possible.
-    pub fn stop_node(&mut self, for_ns: u64) -> Stopped {
-        self.wire.stop_node(for_ns)
     }
 
     /// A node that is not ready can't be judged. On a loaded bus, though, this is what the case tests.
