@@ -91,52 +91,72 @@ pub fn trace_branch(
     settings: Settings,
     beyond: ((bool, bool), Option<(String, f64)>),
 ) -> PyResult<Traced> {
-    let ((parameter, start, stop), ((leaving, further), curves)) = (range, beyond);
+    let ((parameter, start, stop), ((leaving, further), curves_in)) = (range, beyond);
     let varied = coordinate("parameter", &parameter, structure)?;
     let second = |(name, to): (String, f64)| PyResult::Ok((coordinate("curves_in", &name, structure)?, to));
-    let curves = curves.map(second).transpose()?;
+    let curves_in = curves_in.map(second).transpose()?;
     let read = at.iter().map(|name| structure.dof("at", name)).collect::<PyResult<Vec<_>>>()?;
     let mut search = if further { SearchOptions::further() } else { SearchOptions::default() };
     // The branches that are asked for include sub-harmonic ones, to which no bifurcation of the first leads.
     search.sub_harmonics |= leaving;
     let wanted = OtherOptions { leaving, search: Some(search) };
-    let request = BranchRequest {
-        forced: drive.forced(structure)?,
-        frequency_hz: drive.2,
-        varied,
-        wanted,
-        asked: leaving || further,
-        curves,
-        settings,
+    let asked = leaving || further;
+    let (forced, frequency_hz) = (drive.forced(structure)?, drive.2);
+    let options = set(&settings, TraceOptions::new(&forced, varied, [start, stop], read));
+    // The first reason why a branch or a curve ended early.
+    let mut early = None;
+    let branch = match py.detach(|| trace(&forced, frequency_hz, varied, &options)) {
+        // Without a single response there is no branch to return, and the reason is an error at once.
+        Err(ended) if ended.so_far.orbits.is_empty() => return Err(errors::analysis(ended.reason)),
+        traced => keep(traced, &mut early),
     };
-    let options = request.set(TraceOptions::new(&request.forced, varied, [start, stop], read));
-    let Found { branch, others, left_out, searched, curves, early } =
-        py.detach(|| request.follow(&options)).map_err(errors::analysis)?;
-    let of = |branch: &Branch| TracedBranch::new(py, branch, &request.forced, varied);
+    let found = py.detach(|| trace_branches(&forced, &branch, varied, &options, &wanted));
+    let mut others = Vec::new();
+    for OtherBranch { origin, traced } in found.branches {
+        // Without a request for other branches one of them that ends early has no consequence.
+        let mut without = None;
+        others.push((origin, keep(traced, if asked { &mut early } else { &mut without })));
+    }
+    for (_, reason) in &found.left_out {
+        if let (NotFollowed::Failed(reason), true) = (reason, asked) {
+            early.get_or_insert(reason.clone());
+        }
+    }
+    let mut curves = Vec::new();
+    if let Some((second, to)) = curves_in {
+        // They begin at the value on the branch, whichever that is.
+        let mut along = set(&settings, TraceOptions::new(&forced, second, [0.0, to], options.read.clone()));
+        let largest_step = &mut along.branch.continuation.largest_step;
+        *largest_step = largest_step.min(LARGEST_CURVE_STEP);
+        for (kind, traced) in py.detach(|| trace_singular_curves(&forced, &branch, [varied, second], &along)) {
+            curves.push(curve_rows(py, kind.name(), &keep(traced, &mut early))?);
+        }
+    }
+    let of = |branch: &Branch| TracedBranch::new(py, branch, &forced, varied);
     let row = |(origin, branch): &(Origin, Branch)| Ok((origin_row(origin), of(branch)?));
     let (leaving, isolas): (Vec<_>, Vec<_>) = others.iter().partition(|(origin, _)| origin.parent.is_some());
-    let left_out = left_out.into_iter();
+    let left_out = found.left_out.into_iter();
     Ok(Traced {
         branch: of(&branch)?,
         isolas: isolas.into_iter().map(row).collect::<PyResult<_>>()?,
         branches: leaving.into_iter().map(row).collect::<PyResult<_>>()?,
         left_out: left_out.map(|(origin, reason)| (origin_row(&origin), errors::printable(reason))).collect(),
-        searched: searched_row(searched),
-        curves: curves.iter().map(|(kind, curve)| curve_rows(py, kind, curve)).collect::<PyResult<_>>()?,
+        searched: searched_row(found.searched.unwrap_or_default()),
+        curves,
         ended_early: early.map(errors::printable),
     })
 }
 
-/// The branch to compute, and the curves that start on it.
-struct BranchRequest {
-    forced: Forced,
-    frequency_hz: f64,
-    varied: Coordinate,
-    wanted: OtherOptions,
-    /// Whether other branches were asked for.
-    asked: bool,
-    curves: Option<(Coordinate, f64)>,
-    settings: Settings,
+/// Returns options with the settings.
+fn set(settings: &Settings, mut options: TraceOptions) -> TraceOptions {
+    let (most_harmonics, most_points, largest_step, stability, tolerance, near) = settings;
+    options.branch.most_harmonics = *most_harmonics;
+    options.branch.most_points = *most_points;
+    options.branch.continuation.largest_step = *largest_step;
+    options.branch.truncation = tolerance.unwrap_or(options.branch.truncation);
+    options.assess = if *stability { Assess::Multipliers } else { Assess::Nothing };
+    options.near.clone_from(near);
+    options
 }
 
 /// Returns the beginning of a branch.
@@ -150,65 +170,6 @@ fn searched_row(searched: Searched) -> SearchedRow {
     let not_searched = not_searched.map(|reason| reason.name());
     let sought = sub_harmonics.map(|search| search.values);
     (not_searched, frequencies_hz, starts, largest, loads.map(|[from, to]| (from, to)), attached, sought)
-}
-
-/// The results of a request.
-struct Found {
-    branch: Branch,
-    others: Vec<(Origin, Branch)>,
-    left_out: Vec<(Origin, NotFollowed)>,
-    searched: Searched,
-    /// Curves with the names of their kinds.
-    curves: Vec<(&'static str, SingularCurve)>,
-    /// The first reason why one ended early.
-    early: Option<AnalysisError>,
-}
-
-impl BranchRequest {
-    /// Options with the settings.
-    fn set(&self, mut options: TraceOptions) -> TraceOptions {
-        let (most_harmonics, most_points, largest_step, stability, tolerance, near) = &self.settings;
-        options.branch.most_harmonics = *most_harmonics;
-        options.branch.most_points = *most_points;
-        options.branch.continuation.largest_step = *largest_step;
-        options.branch.truncation = tolerance.unwrap_or(options.branch.truncation);
-        options.assess = if *stability { Assess::Multipliers } else { Assess::Nothing };
-        options.near.clone_from(near);
-        options
-    }
-
-    fn follow(&self, options: &TraceOptions) -> Result<Found, AnalysisError> {
-        let mut early = None;
-        let branch = match trace(&self.forced, self.frequency_hz, self.varied, options) {
-            // Without a single response there is no branch to return, and the reason is an error at once.
-            Err(ended) if ended.so_far.orbits.is_empty() => return Err(ended.reason),
-            traced => keep(traced, &mut early),
-        };
-        let found = trace_branches(&self.forced, &branch, self.varied, options, &self.wanted);
-        let mut others = Vec::new();
-        for OtherBranch { origin, traced } in found.branches {
-            // Without a request for other branches one of them that ends early has no consequence.
-            let mut without = None;
-            others.push((origin, keep(traced, if self.asked { &mut early } else { &mut without })));
-        }
-        for (_, reason) in &found.left_out {
-            if let (NotFollowed::Failed(reason), true) = (reason, self.asked) {
-                early.get_or_insert(reason.clone());
-            }
-        }
-        let mut curves = Vec::new();
-        if let Some((second, to)) = self.curves {
-            // They begin at the value on the branch, whichever that is.
-            let mut along = self.set(TraceOptions::new(&self.forced, second, [0.0, to], options.read.clone()));
-            let largest_step = &mut along.branch.continuation.largest_step;
-            *largest_step = largest_step.min(LARGEST_CURVE_STEP);
-            for (kind, traced) in trace_singular_curves(&self.forced, &branch, [self.varied, second], &along) {
-                curves.push((kind.name(), keep(traced, &mut early)));
-            }
-        }
-        let (left_out, searched) = (found.left_out, found.searched.unwrap_or_default());
-        Ok(Found { branch, others, left_out, searched, curves, early })
-    }
 }
 
 /// The result of a continuation, complete or not; keeps the first reason why one ended early.
