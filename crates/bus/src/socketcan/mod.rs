@@ -84,13 +84,9 @@ pub struct SocketCan {
     socket: Option<CanFdSocket>,
     buffers: Options,
     incoming: Incoming,
-    received: u64,
-    malformed: u64,
-    sent: u64,
-    queue_full: u64,
+    /// Counts so far. The lost frames are those that the kernel had counted when the socket was closed.
+    statistics: Statistics,
     reports: ControllerReports,
-    /// The kernel's count when the socket was closed.
-    dropped_at_close: u64,
 }
 
 impl SocketCan {
@@ -119,12 +115,8 @@ impl SocketCan {
             socket: Some(socket),
             buffers,
             incoming: Incoming::new(),
-            received: 0,
-            malformed: 0,
-            sent: 0,
-            queue_full: 0,
+            statistics: Statistics::default(),
             reports: ControllerReports::default(),
-            dropped_at_close: 0,
         };
         // The kernel binds to an interface that is down, and leaves ENETDOWN as the pending error of the socket.
         bus.pending_error(bus.socket()?)?;
@@ -184,7 +176,7 @@ impl SocketCan {
                 Some(error) if error.is_bus_off() => return true,
                 Some(error) => self.reports.note(error),
                 None if slot.frame.frame().is_ok() => return true,
-                None => self.malformed += 1,
+                None => self.statistics.malformed += 1,
             }
             self.incoming.pop();
         }
@@ -215,13 +207,13 @@ impl Bus for SocketCan {
         while let Some(first) = frames.first() {
             match batch::send(self.socket()?.as_fd(), frames) {
                 Ok(count) => {
-                    self.sent += count as u64;
+                    self.statistics.sent += count as u64;
                     *frames = &frames[count..];
                 }
                 Err(error) => match (error.raw_os_error(), first.format()) {
                     // EAGAIN: the socket's send buffer is full. ENOBUFS: the interface's transmit queue is.
                     (Some(EAGAIN | ENOBUFS), _) => {
-                        self.queue_full += 1;
+                        self.statistics.queue_full += 1;
                         return Ok(Sent::QueueFull);
                     }
                     // The kernel rejects an FD frame by its length if the interface carries classical frames
@@ -249,10 +241,10 @@ impl Bus for SocketCan {
             };
             let Some(error) = ErrorFrame::of(&slot.frame.raw) else {
                 let Ok(frame) = slot.frame.frame() else {
-                    self.malformed += 1;
+                    self.statistics.malformed += 1;
                     continue;
                 };
-                self.received += 1;
+                self.statistics.received += 1;
                 return Ok(Some(Received { frame, timestamp_ns: slot.timestamp_ns() }));
             };
             self.reports.note(error);
@@ -303,9 +295,8 @@ impl Bus for SocketCan {
 
     fn statistics(&self) -> Statistics {
         // That the kernel answers was checked when the socket was opened.
-        let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.dropped_at_close);
-        let SocketCan { received, malformed, sent, queue_full, reports, .. } = *self;
-        Statistics { received, sent, dropped, malformed, queue_full, errors: reports.errors }
+        let dropped = self.socket.as_ref().and_then(|socket| drops(socket).ok()).unwrap_or(self.statistics.dropped);
+        Statistics { dropped, errors: self.reports.errors, ..self.statistics }
     }
 
     fn controller(&self) -> ControllerState {
@@ -315,7 +306,7 @@ impl Bus for SocketCan {
     /// The kernel sends what it has queued.
     fn close(&mut self) -> Result<(), BusError> {
         // The kernel's counter is lost with the socket, so it is read first.
-        self.dropped_at_close = self.statistics().dropped;
+        self.statistics.dropped = self.statistics().dropped;
         self.socket.take().map(drop).ok_or(BusError::Closed)
     }
 }

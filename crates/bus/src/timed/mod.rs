@@ -87,16 +87,14 @@ pub struct TimedBus<C> {
     wire: Arc<Mutex<Wire>>,
     node: usize,
     clock: C,
-    received: u64,
-    sent: u64,
-    queue_full: u64,
+    statistics: Statistics,
     is_open: bool,
 }
 
 impl<C: Clock + Clone> TimedBus<C> {
     fn new(wire: &Arc<Mutex<Wire>>, node: usize, clock: &C) -> TimedBus<C> {
         let (wire, clock) = (Arc::clone(wire), clock.clone());
-        TimedBus { wire, node, clock, received: 0, sent: 0, queue_full: 0, is_open: true }
+        TimedBus { wire, node, clock, statistics: Statistics::default(), is_open: true }
     }
 }
 
@@ -152,8 +150,8 @@ impl<C: Clock + Send> Bus for TimedBus<C> {
         }
         let is_queued = controller.queue(self.clock.now_ns(), frame);
         drop(wire);
-        self.sent += u64::from(is_queued);
-        self.queue_full += u64::from(!is_queued);
+        self.statistics.sent += u64::from(is_queued);
+        self.statistics.queue_full += u64::from(!is_queued);
         Ok(if is_queued { Sent::Queued } else { Sent::QueueFull })
     }
 
@@ -167,7 +165,7 @@ impl<C: Clock + Send> Bus for TimedBus<C> {
         if next.is_none() && is_off {
             return Err(self.bus_off());
         }
-        self.received += u64::from(next.is_some());
+        self.statistics.received += u64::from(next.is_some());
         Ok(next)
     }
 
@@ -196,9 +194,7 @@ impl<C: Clock + Send> Bus for TimedBus<C> {
     }
 
     fn statistics(&self) -> Statistics {
-        let dropped = self.lock().controllers[self.node].dropped;
-        let TimedBus { received, sent, queue_full, .. } = *self;
-        Statistics { received, sent, dropped, queue_full, ..Statistics::default() }
+        Statistics { dropped: self.lock().controllers[self.node].dropped, ..self.statistics }
     }
 
     fn close(&mut self) -> Result<(), BusError> {
