@@ -429,14 +429,18 @@ fn quiet_end(context: &Context<'_>) -> Judged {
     ended(context, db(rms(last) / demand(test)) < -LEVEL_DB)
 }
 
-/// Judges a controller that must not begin its test: its drive stays small, and ends.
-pub(crate) fn refuses(context: &Context<'_>) -> Judged {
+fn refuses(context: &Context<'_>) -> Judged {
+    refuses_within(context, 0.1)
+}
+
+/// Judges a controller that must not begin its test: its drive stays within a part of the largest one of the base run, and ends.
+pub(crate) fn refuses_within(context: &Context<'_>, part: f64) -> Judged {
     let record = context.record;
     if context.base.level.is_none() {
         return Err(NO_LEVEL);
     }
     Ok(Finding::of([
-        Measure::at_most("largest drive", record.peak(0, record.len()), "N", 0.1 * context.base.peak_n),
+        Measure::at_most("largest drive", record.peak(0, record.len()), "N", part * context.base.peak_n),
         quiet(record.quiet_s()),
     ]))
 }

@@ -7,7 +7,7 @@ use resonarm_specification::verdict::SineVerdict;
 use resonarm_specification::{SineTest, SweepRate, Test};
 
 use crate::case::{Judged, NO_LEVEL};
-use crate::random::{ended, refuses};
+use crate::random::{ended, refuses_within};
 use crate::reaction::Reaction;
 use crate::record::{largest, running_rms};
 use crate::{Base, Case, Context, Finding, Measure, Stimulus};
@@ -261,14 +261,7 @@ fn aborts(context: &Context<'_>) -> Judged {
 
 /// A sine controller may look for its response with more drive than a random one: half of the largest drive.
 fn dead(context: &Context<'_>) -> Judged {
-    let mut finding = refuses(context)?;
-    if let Some(drive) = finding.measured.first().copied() {
-        let rest = finding.measured.split_off(1);
-        finding = Finding::of(
-            [Measure { most: Some(0.5 * context.base.peak_n), ..drive }].into_iter().chain(rest).collect::<Vec<_>>(),
-        );
-    }
-    Ok(finding)
+    refuses_within(context, 0.5)
 }
 
 fn restarts(context: &Context<'_>) -> Judged {
