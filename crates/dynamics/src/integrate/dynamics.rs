@@ -3,7 +3,6 @@
 
 use core::array;
 
-use super::explicit::{self, ExplicitMethod};
 use super::motion::Motion;
 use crate::real::{Lanes, Real};
 
@@ -115,18 +114,6 @@ pub trait Dynamics<const N: usize> {
         solve: V,
     ) -> V::Solution {
         solve.solve(&OneByOne { dynamics: self, loads })
-    }
-
-    /// A step of an explicit method from `motion` at the time `t_s`, s. Override it for a formula of its own.
-    #[inline(always)]
-    fn explicit_step(
-        &self,
-        method: &ExplicitMethod,
-        t_s: f64,
-        motion: &Motion<f64, N>,
-        excitation: &impl Excitation<Self::Load>,
-    ) -> Motion<f64, N> {
-        explicit::by_stages(method, t_s, motion, |t_s, stage| self.rates(stage, &excitation.load(t_s)).acceleration)
     }
 }
 

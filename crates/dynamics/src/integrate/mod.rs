@@ -16,14 +16,13 @@ pub(crate) mod tableau;
 
 pub use dynamics::{Dynamics, Excitation, Jacobian, Rates, SolveStages, StageEquation, StageLoads, Wide};
 pub use error::IntegrateError;
-pub use explicit::ExplicitMethod;
 pub use motion::Motion;
 pub use scheme::{Scheme, UnknownScheme};
 
 use alloc::boxed::Box;
 
 use collocation::Collocation;
-use explicit::{Explicit, Rk4Step};
+use tableau::{DOP853, RK4};
 
 /// The least ωh of the fastest mode that is accepted: below it rounding, 2⁻⁵³ of the state in every step, adds more
 /// than 1e-7 to the damping ratio, and far below it no step changes anything.
@@ -37,10 +36,11 @@ pub struct Integrator<const N: usize = 2> {
     method: Method<N>,
 }
 
-/// The constants of a scheme.
+/// The constants of a scheme. The explicit ones have none beside their tableaus.
 #[derive(Clone, Debug, PartialEq)]
 enum Method<const N: usize> {
-    Explicit(ExplicitMethod),
+    Rk4,
+    Dop853,
     TwoStages(Box<Collocation<2, N>>),
     ThreeStages(Box<Collocation<3, N>>),
     FourStages(Box<Collocation<4, N>>),
@@ -48,10 +48,9 @@ enum Method<const N: usize> {
 
 impl<const N: usize> Method<N> {
     fn new(scheme: Scheme, of: &impl Dynamics<N>, step_s: f64) -> Method<N> {
-        let explicit = |kind: Explicit| Method::Explicit(ExplicitMethod { step_s, kind });
         match scheme {
-            Scheme::Rk4 => explicit(Explicit::Rk4(Rk4Step::new(step_s))),
-            Scheme::Dop853 => explicit(Explicit::Dop853),
+            Scheme::Rk4 => Method::Rk4,
+            Scheme::Dop853 => Method::Dop853,
             Scheme::Gl4 => Method::TwoStages(Box::new(gauss_legendre::GL4.collocation(of, step_s))),
             Scheme::Gl6 => Method::ThreeStages(Box::new(gauss_legendre::GL6.collocation(of, step_s))),
             Scheme::Exponential => {
@@ -120,8 +119,10 @@ impl<const N: usize> Integrator<N> {
         excitation: &impl Excitation<D::Load>,
     ) -> Result<D::State, IntegrateError> {
         let (h_s, motion) = (self.step_s, (*state).into());
+        let acceleration = |t_s: f64, stage: &Motion<f64, N>| dynamics.rates(stage, &excitation.load(t_s)).acceleration;
         let next = match &self.method {
-            Method::Explicit(method) => dynamics.explicit_step(method, t_s, &motion, excitation),
+            Method::Rk4 => explicit::step(&RK4, h_s, t_s, &motion, acceleration),
+            Method::Dop853 => explicit::step(&DOP853, h_s, t_s, &motion, acceleration),
             Method::TwoStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
             Method::ThreeStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
             Method::FourStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
