@@ -84,8 +84,6 @@ pub trait SolveStages<const N: usize> {
 pub trait Dynamics<const N: usize> {
     /// Load that acts on the system from outside at an instant.
     type Load: Copy;
-    /// State of the system, with names of its own.
-    type State: Copy + From<Motion<f64, N>> + Into<Motion<f64, N>>;
 
     /// The rates under a load.
     fn rates(&self, motion: &Motion<f64, N>, load: &Self::Load) -> Rates<f64, N>;

@@ -103,11 +103,11 @@ impl<const N: usize> Integrator<N> {
         self.step_s
     }
 
-    /// The state one step after `state`, which is at the time `t_s`.
+    /// The motion one step after `motion`, which is at the time `t_s`.
     ///
     /// # Errors
     /// [`IntegrateError::NoConvergence`] or [`IntegrateError::Unbalanced`] if an implicit scheme can't make the step
-    /// well even in 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The given state stays
+    /// well even in 256 parts, [`IntegrateError::NotFinite`] if the result is not a number. The given motion stays
     /// unchanged.
     // Inlined, so that the state of a short step stays in registers from step to step.
     #[inline(always)]
@@ -115,19 +115,19 @@ impl<const N: usize> Integrator<N> {
         &self,
         dynamics: &D,
         t_s: f64,
-        state: &D::State,
+        motion: &Motion<f64, N>,
         excitation: &impl Excitation<D::Load>,
-    ) -> Result<D::State, IntegrateError> {
-        let (h_s, motion) = (self.step_s, (*state).into());
+    ) -> Result<Motion<f64, N>, IntegrateError> {
+        let h_s = self.step_s;
         let acceleration = |t_s: f64, stage: &Motion<f64, N>| dynamics.rates(stage, &excitation.load(t_s)).acceleration;
         let next = match &self.method {
-            Method::Rk4 => explicit::step(&RK4, h_s, t_s, &motion, acceleration),
-            Method::Dop853 => explicit::step(&DOP853, h_s, t_s, &motion, acceleration),
-            Method::TwoStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
-            Method::ThreeStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
-            Method::FourStages(method) => method.step(dynamics, t_s, &motion, excitation)?,
+            Method::Rk4 => explicit::step(&RK4, h_s, t_s, motion, acceleration),
+            Method::Dop853 => explicit::step(&DOP853, h_s, t_s, motion, acceleration),
+            Method::TwoStages(method) => method.step(dynamics, t_s, motion, excitation)?,
+            Method::ThreeStages(method) => method.step(dynamics, t_s, motion, excitation)?,
+            Method::FourStages(method) => method.step(dynamics, t_s, motion, excitation)?,
         };
-        if next.is_finite() { Ok(D::State::from(next)) } else { Err(IntegrateError::NotFinite { t_s: t_s + h_s }) }
+        if next.is_finite() { Ok(next) } else { Err(IntegrateError::NotFinite { t_s: t_s + h_s }) }
     }
 }
 

@@ -27,7 +27,6 @@ impl<const N: usize> Row<N> {
 
 impl<const N: usize> Dynamics<N> for Row<N> {
     type Load = [f64; N];
-    type State = Motion<f64, N>;
 
     fn rates(&self, motion: &Motion<f64, N>, load: &[f64; N]) -> Rates<f64, N> {
         let damping = |n| self.stiffness_n_m * self.beta_s * Row::pulled(&motion.v, n);

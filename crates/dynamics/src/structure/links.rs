@@ -463,7 +463,6 @@ impl<const N: usize> Task for StageRates<'_, N> {
 
 impl<const N: usize> Dynamics<N> for Links<N> {
     type Load = LinksLoad<f64, N>;
-    type State = Motion<f64, N>;
 
     #[inline(never)]
     fn rates(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>) -> Rates<f64, N> {
