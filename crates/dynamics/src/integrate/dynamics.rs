@@ -54,12 +54,6 @@ impl<Load, const S: usize> StageLoads<Load, S> {
     pub fn at(&self, stage: usize) -> &Load {
         &self.at[stage.min(S - 1)]
     }
-
-    /// A value of the load at every stage, computed once if the load is the same at all.
-    #[inline(always)]
-    pub fn map<E: Copy>(&self, value: impl Fn(&Load) -> E) -> [E; S] {
-        if self.held { [value(&self.at[0]); S] } else { array::from_fn(|i| value(&self.at[i])) }
-    }
 }
 
 /// The rates at all stages of a step, a lane each.

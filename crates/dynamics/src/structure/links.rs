@@ -26,7 +26,7 @@ use super::position::Kinematics;
 use super::smooth::{MovingMass, SmoothElement, SmoothMass, SmoothPlace, SmoothPolynomial};
 use super::spec::{Axis, Law};
 use super::{Armature, Assembly, MOST_LINKS};
-use crate::integrate::{Dynamics, Excitation, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
+use crate::integrate::{Dynamics, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
 use crate::real::Real;
 use resonarm_numeric::registers::{Task, four_wide};
 
@@ -86,16 +86,6 @@ impl<const N: usize> LinksLoad<f64, N> {
         let mut load = *self;
         load.torque_nm.iter_mut().chain(load.force_n.as_flattened_mut()).for_each(|of| *of *= factor);
         load
-    }
-}
-
-impl<const N: usize> Excitation<LinksLoad<f64, N>> for LinksLoad<f64, N> {
-    fn load(&self, _t_s: f64) -> LinksLoad<f64, N> {
-        *self
-    }
-
-    fn is_constant(&self) -> bool {
-        true
     }
 }
 
