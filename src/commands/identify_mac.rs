@@ -126,15 +126,8 @@ impl Shapes {
         at: &[String],
     ) -> Result<Shapes, Failure> {
         let assembly = &tested.assembly;
-        let rest = vec![0.0; assembly.coordinates()];
-        let known: Vec<(&String, Vec<f64>)> = at
-            .iter()
-            .filter_map(|name| {
-                let mut direction = rest.clone();
-                assembly.direction(assembly.dof(name).ok()?, &rest, &mut direction);
-                Some((name, direction))
-            })
-            .collect();
+        let direction = |name: &String| Some(assembly.direction_at_rest(assembly.dof(name).ok()?));
+        let known: Vec<(&String, Vec<f64>)> = at.iter().filter_map(|name| Some((name, direction(name)?))).collect();
         let modes = assembly
             .modes()
             .iter()

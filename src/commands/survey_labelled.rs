@@ -133,11 +133,9 @@ fn geometry(scenario: &Scenario, tested: &TestedAssembly) -> ModalFile {
 }
 
 fn modes(tested: &TestedAssembly, runs: &[&SurveyRun]) -> Vec<TrueMode> {
-    let (assembly, n) = (&tested.assembly, tested.assembly.coordinates());
-    let rest = vec![0.0; n];
-    let mut direction = vec![0.0; n];
-    let mut component = |name: &str, shape: &[f64]| -> Option<f64> {
-        assembly.direction(assembly.dof(name).ok()?, &rest, &mut direction);
+    let assembly = &tested.assembly;
+    let component = |name: &str, shape: &[f64]| -> Option<f64> {
+        let direction = assembly.direction_at_rest(assembly.dof(name).ok()?);
         Some(direction.iter().zip(shape).map(|(along, part)| along * part).sum())
     };
     let names = displacements(assembly);

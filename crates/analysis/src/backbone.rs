@@ -29,7 +29,7 @@ use super::adapt::{Spectral, adapt};
 use super::balance::{Balance, unit_deflection};
 use super::linear::dynamic_stiffness_solve;
 use super::orbit::{Reading, TraceOptions};
-use super::unknowns::{Body, Kept, direction_at_rest};
+use super::unknowns::{Body, Kept};
 use super::{Coordinate, Forced, branch};
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::dense::norm;
@@ -541,7 +541,7 @@ impl Quadrature {
         }
         let length = libm::sqrt(tangent.iter().map(|z| z * z).sum());
         let read = options.read.first().map_or(0.0, |dof| {
-            let direction = direction_at_rest(self.balance.forced.assembly(), *dof);
+            let direction = self.balance.forced.assembly().direction_at_rest(*dof);
             let [c, s] = [&beginning.cosine, &beginning.sine]
                 .map(|part| direction.iter().zip(part).map(|(w, x)| w * x).sum::<f64>());
             libm::hypot(c, s)

@@ -28,7 +28,7 @@ use super::history::{FrictionDerivative, History, Stretch};
 use super::linear::dynamic_stiffness_solve;
 use super::samples::{Contacts, Jump, Samples};
 use super::spectral::{operator, project};
-use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, Weights, direction_at_rest};
+use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, Weights};
 use super::{Coordinate, Forced, Orbit};
 use crate::continuation::System;
 use crate::forced::Component;
@@ -950,7 +950,7 @@ impl Balance {
                 let at = |j: usize| self.forced.assembly.displacement(dof, &self.samples.motion[0][j * m..(j + 1) * m]);
                 self.series((0..count).map(at), 2 * self.harmonics + 1)
             }
-            Body::Condensed(condensed) => self.along(condensed, &direction_at_rest(&self.forced.assembly, dof)),
+            Body::Condensed(condensed) => self.along(condensed, &self.forced.assembly.direction_at_rest(dof)),
         }
     }
 

@@ -14,7 +14,7 @@ use resonarm_dynamics::structure::{Assembly, Dof, Linear};
 use resonarm_numeric::linear_solve::solve_complex;
 use resonarm_numeric::number::short;
 
-use super::unknowns::{direction_at_rest, load_at_rest};
+use super::unknowns::load_at_rest;
 use crate::Quantity;
 
 /// Error of a frequency response that does not exist.
@@ -81,7 +81,7 @@ impl LinearResponse {
             load_at_rest(&self.assembly, drive).iter().map(|&p| Complex::new(p, 0.0)).collect::<Vec<_>>();
         dynamic_stiffness_solve(&self.linear, omega, &mut coordinates).ok_or(FrfError::Unbounded { frequency_hz })?;
         let displacement: Complex<f64> =
-            coordinates.iter().zip(direction_at_rest(&self.assembly, response)).map(|(q, w)| q * w).sum();
+            coordinates.iter().zip(self.assembly.direction_at_rest(response)).map(|(q, w)| q * w).sum();
         // The elimination also passes with a pivot of the size of rounding errors, and its result may then overflow.
         if !(displacement.re.is_finite() && displacement.im.is_finite()) {
             return Err(FrfError::Unbounded { frequency_hz });

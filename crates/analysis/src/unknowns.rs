@@ -159,14 +159,6 @@ impl Unknowns {
     }
 }
 
-/// Returns the derivative of a displacement by the coordinates at rest, ∂x/∂q.
-pub(super) fn direction_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
-    let n = assembly.coordinates();
-    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
-    assembly.direction(dof, &rest, &mut direction);
-    direction
-}
-
 /// Returns the generalised forces of a unit load at rest.
 pub(super) fn load_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     let n = assembly.coordinates();
@@ -198,8 +190,8 @@ impl Condensed {
             let place = ends.iter().position(|ends| *ends == own).unwrap_or(ends.len());
             if place == ends.len() {
                 ends.push(own);
-                let end = direction_at_rest(assembly, at);
-                let other = to.map(|to| direction_at_rest(assembly, to));
+                let end = assembly.direction_at_rest(at);
+                let other = to.map(|to| assembly.direction_at_rest(to));
                 let mut direction = end.clone();
                 direction.iter_mut().zip(other.iter().flatten()).for_each(|(along, other)| *along -= other);
                 // Between two points a rigid mode moves nothing, but for rounding.

@@ -81,12 +81,9 @@ impl Drawing {
 
     /// Draws the points that have places. A point that no shape moves is at rest.
     fn of_modes(section: &StructureSection, assembly: &Assembly) -> Option<Drawing> {
-        let rest = vec![0.0; assembly.coordinates()];
         let shape = |name: &str, axis: Axis| {
             let dof = assembly.dof(&format!("{name}.{axis}")).ok()?;
-            let mut by_mode = rest.clone();
-            assembly.direction(dof, &rest, &mut by_mode);
-            Some(by_mode)
+            Some(assembly.direction_at_rest(dof))
         };
         let shapes = |name: &String| Axis::ALL.map(|axis| shape(name, axis).unwrap_or_default());
         let points: Vec<String> = section.points.keys().cloned().collect();

@@ -97,7 +97,7 @@ impl Homotopy {
             match &balance.unknowns.body {
                 Body::Chain => {
                     let (rest, mut direction) = (vec![0.0; m], vec![0.0; m]);
-                    assembly.element_direction(element, &rest, &mut direction);
+                    assembly.at(&rest).element_direction(element, &mut direction);
                     for (pair, stiffness) in start.stiffness.iter_mut().enumerate() {
                         *stiffness += added * direction[pair / m] * direction[pair % m];
                     }

@@ -264,8 +264,9 @@ fn weights(assembly: &Assembly, omega_rad_s: f64) -> Vec<f64> {
     let mut weights = vec![1.0; n];
     weights.resize(2 * n, 1.0 / omega_rad_s);
     let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+    let at = assembly.at(&rest);
     for element in assembly.elements().iter().filter(|element| element.law.has_state()) {
-        assembly.element_direction(element, &rest, &mut direction);
+        at.element_direction(element, &mut direction);
         let length = libm::sqrt(direction.iter().map(|w| w * w).sum());
         weights.push(if length > 0.0 { 1.0 / length } else { 1.0 });
     }

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
 use nalgebra::Complex;
-use resonarm_dynamics::structure::{Assembly, Dof, StepError, Stepper};
+use resonarm_dynamics::structure::{Dof, StepError, Stepper};
 
 use super::StroboscopicMap;
 use crate::Reading;
@@ -150,16 +150,16 @@ fn peak([start, end]: [Motion; 2], step_s: f64) -> f64 {
 
 /// Returns the coordinates, then the degrees of freedom that are read, at a state.
 fn motions(structure: &Stepper, read: &[Dof], load: f64, out: &mut [Motion]) -> Result<(), StepError> {
-    let (assembly, n): (&Assembly, _) = (structure.assembly(), structure.position().len());
-    let (q, v, mut a) = (structure.position(), structure.velocity(), vec![0.0; n]);
+    let (q, v) = (structure.position(), structure.velocity());
+    let mut a = vec![0.0; q.len()];
     structure.acceleration(&[load], &mut a)?;
-    let (coordinates, dofs) = out.split_at_mut(n);
+    let (coordinates, dofs) = out.split_at_mut(q.len());
     for (i, motion) in coordinates.iter_mut().enumerate() {
         *motion = [q[i], v[i], a[i]];
     }
+    let at = structure.assembly().at(q);
     for (motion, dof) in dofs.iter_mut().zip(read) {
-        let acceleration = assembly.acceleration(*dof, q, v, &a);
-        *motion = [assembly.displacement(*dof, q), assembly.velocity(*dof, q, v), acceleration];
+        *motion = [at.displacement(*dof), at.velocity(*dof, v), at.acceleration(*dof, v, &a)];
     }
     Ok(())
 }

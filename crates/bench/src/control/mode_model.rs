@@ -190,7 +190,7 @@ impl ModeModel {
         let by_mode = |shape: &[f64], dof: Option<Dof>| {
             let mut direction = [0.0; MOST_COORDINATES];
             if let Some(dof) = dof {
-                assembly.direction(dof, &[0.0; MOST_COORDINATES][..shape.len()], &mut direction);
+                assembly.at(&[0.0; MOST_COORDINATES][..shape.len()]).direction(dof, &mut direction);
             }
             shape.iter().zip(direction).map(|(shape, along)| shape * along).sum::<f64>()
         };

@@ -68,7 +68,7 @@ const POINTS: [&str; CHANNELS] = ["joint2.x", "joint2.y", "tip.x", "tip.y"];
 /// mode.
 fn true_shape(arm: &TestedAssembly, mode: &StructureMode) -> [f64; CHANNELS] {
     let assembly = &arm.assembly;
-    POINTS.map(|name| assembly.velocity(assembly.dof(name).unwrap(), &[0.0; 2], &mode.shape))
+    POINTS.map(|name| assembly.at(&[0.0; 2]).velocity(assembly.dof(name).unwrap(), &mode.shape))
 }
 
 /// Frequencies, damping ratios and shapes within four of their deviations; the force is oblique, so that the shapes are those

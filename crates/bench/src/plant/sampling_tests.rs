@@ -269,7 +269,7 @@ fn the_mean_over_a_hold_is_the_change_of_velocity() {
     let (assembly, mut plant) = (preset(ANGLES_DEG).assembly, plant(&spec));
     let velocities = |plant: &Plant| {
         let (x, v) = (plant.states().coordinates(), plant.states().rates());
-        ["joint2.x", "joint2.y", "tip.x", "tip.y"].map(|name| assembly.velocity(assembly.dof(name).unwrap(), x, v))
+        ["joint2.x", "joint2.y", "tip.x", "tip.y"].map(|name| assembly.at(x).velocity(assembly.dof(name).unwrap(), v))
     };
     for hold in 0..HOLDS {
         let before = velocities(&plant);

@@ -317,9 +317,11 @@ impl Assembly {
         Position::new(self, q)
     }
 
-    /// Writes ∂x/∂q of a degree of freedom; see [`Position::direction`].
-    pub fn direction(&self, dof: Dof, q: &[f64], out: &mut [f64]) {
-        self.at(q).direction(dof, out);
+    /// Returns ∂x/∂q of a degree of freedom at rest; see [`Position::direction`].
+    pub fn direction_at_rest(&self, dof: Dof) -> Vec<f64> {
+        let (rest, mut direction) = (vec![0.0; self.coordinates()], vec![0.0; self.coordinates()]);
+        self.at(&rest).direction(dof, &mut direction);
+        direction
     }
 
     /// The displacement from rest, m or rad.
@@ -329,21 +331,6 @@ impl Assembly {
             At::Joint(joint) => q[joint],
             _ => self.at(q).displacement(dof),
         }
-    }
-
-    /// The velocity, m/s or rad/s.
-    pub fn velocity(&self, dof: Dof, q: &[f64], v: &[f64]) -> f64 {
-        self.at(q).velocity(dof, v)
-    }
-
-    /// The acceleration, m/s² or rad/s²; see [`Position::acceleration`].
-    pub fn acceleration(&self, dof: Dof, q: &[f64], v: &[f64], a: &[f64]) -> f64 {
-        self.at(q).acceleration(dof, v, a)
-    }
-
-    /// Writes ∂x/∂q of an element.
-    pub fn element_direction(&self, element: &Element, q: &[f64], out: &mut [f64]) {
-        self.at(q).element_direction(element, out);
     }
 
     /// The linear part at rest, with that of elements: the slopes of smooth ones, and the viscous part of LuGre's.

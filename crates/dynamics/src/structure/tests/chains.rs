@@ -183,13 +183,13 @@ fn integrators_solve_the_unbalance() {
     let mut force = load.torque_nm;
     let mut direction = [0.0; 4];
     for (name, pull) in [("tip.x", 30.0), ("tip.y", -20.0)] {
-        assembly.direction(assembly.dof(name).unwrap(), &X, &mut direction);
+        assembly.at(&X).direction(assembly.dof(name).unwrap(), &mut direction);
         (0..4).for_each(|i| force[i] += direction[i] * pull);
     }
     for element in assembly.elements() {
         let velocity = assembly.at(&X).element_velocity(element, &V);
         let pull = element.force(assembly.at(&X).element_displacement(element), velocity, 0.0).force;
-        assembly.element_direction(element, &X, &mut direction);
+        assembly.at(&X).element_direction(element, &mut direction);
         (0..4).for_each(|i| force[i] -= direction[i] * pull);
     }
     for of in assembly.polynomials() {
@@ -197,7 +197,7 @@ fn integrators_solve_the_unbalance() {
         let mut pulls = vec![0.0; x.len()];
         of.forces(&x, &mut pulls);
         for (dof, pull) in of.at().iter().zip(pulls) {
-            assembly.direction(*dof, &X, &mut direction);
+            assembly.at(&X).direction(*dof, &mut direction);
             (0..4).for_each(|i| force[i] -= direction[i] * pull);
         }
     }
@@ -223,14 +223,14 @@ fn points_move_as_they_say() {
         let h = 1e-4;
         // Central differences of fourth order. The second one is divided by h², and loses more digits to rounding.
         let velocity = (8.0 * (x(h) - x(-h)) - (x(2.0 * h) - x(-2.0 * h))) / (12.0 * h);
-        assert!((velocity - assembly.velocity(dof, &X, &V)).abs() < 1e-8, "{name}");
+        assert!((velocity - assembly.at(&X).velocity(dof, &V)).abs() < 1e-8, "{name}");
         let acceleration = (16.0 * (x(h) + x(-h)) - (x(2.0 * h) + x(-2.0 * h)) - 30.0 * x(0.0)) / (12.0 * h * h);
-        assert!((acceleration - assembly.acceleration(dof, &X, &V, &a)).abs() < 1e-5, "{name}");
+        assert!((acceleration - assembly.at(&X).acceleration(dof, &V, &a)).abs() < 1e-5, "{name}");
         let mut curvature = [0.0; 16];
         assembly.at(&X).add_curvature(dof, 1.0, &mut curvature);
         let direction = |x: &[f64; 4]| {
             let mut direction = vec![0.0; 4];
-            assembly.direction(dof, x, &mut direction);
+            assembly.at(x).direction(dof, &mut direction);
             direction
         };
         check_matrix(&curvature, &differences(X, direction));

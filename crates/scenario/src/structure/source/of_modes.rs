@@ -88,12 +88,10 @@ impl StructureSection {
 
 /// Returns the displacements of all points in a mode, 1/√kg.
 fn shape(of: &Assembly, mode: &StructureMode) -> BTreeMap<String, f64> {
-    let (rest, mut direction) = (vec![0.0; of.coordinates()], vec![0.0; of.coordinates()]);
     let mut moved = BTreeMap::new();
     for name in of.dof_names() {
         if let Some(dof) = of.dof(&name).ok().filter(|dof| !dof.is_angle() && !dof.is_base()) {
-            of.direction(dof, &rest, &mut direction);
-            moved.insert(name, direction.iter().zip(&mode.shape).map(|(x, q)| x * q).sum());
+            moved.insert(name, of.direction_at_rest(dof).iter().zip(&mode.shape).map(|(x, q)| x * q).sum());
         }
     }
     moved
