@@ -149,7 +149,7 @@ fn advance(
             return Err(TimeDomainError::Stopped);
         }
         let now = left.min(AT_ONCE);
-        map.advance_together(states, now as u32)?;
+        map.advance_all(states, now as u32)?;
         left -= now;
     }
     Ok(())

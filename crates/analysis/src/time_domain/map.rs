@@ -157,7 +157,12 @@ impl StroboscopicMap {
     /// # Errors
     /// [`TimeDomainError::Step`] if a step can't be made.
     pub fn advance(&self, state: &[f64]) -> Result<Vec<f64>, TimeDomainError> {
-        self.next(state)
+        match self.visit(state, |_step, _structure| Ok(())) {
+            Err(TimeDomainError::Step { source: StepError::TooStiff { needed_hz, .. }, .. }) => {
+                self.finer(needed_hz)?.advance(state)
+            }
+            reached => reached,
+        }
     }
 
     /// Advances states at phase 0 by a number of periods. The states of a chain of at most three links with smooth
@@ -167,7 +172,21 @@ impl StroboscopicMap {
     /// # Errors
     /// [`TimeDomainError::Step`] if a step can't be made for another reason.
     pub fn advance_all(&self, states: &mut [Vec<f64>], periods: u32) -> Result<(), TimeDomainError> {
-        self.advance_together(states, periods)
+        if self.advance_side_by_side(states, periods)? {
+            return Ok(());
+        }
+        for state in states {
+            for _ in 0..periods {
+                if !Self::is_finite(state) {
+                    break;
+                }
+                *state = match self.advance(state) {
+                    Err(error) if diverges(&error) => vec![f64::NAN; state.len()],
+                    reached => reached?,
+                };
+            }
+        }
+        Ok(())
     }
 
     /// Advances states side by side if the structure allows it; otherwise returns `false`.
@@ -286,35 +305,6 @@ impl StroboscopicMap {
         self.forced.assembly.element_states() > 0
     }
 
-    /// Returns the state one period later.
-    pub(crate) fn next(&self, state: &[f64]) -> Result<Vec<f64>, TimeDomainError> {
-        match self.visit(state, |_step, _structure| Ok(())) {
-            Err(TimeDomainError::Step { source: StepError::TooStiff { needed_hz, .. }, .. }) => {
-                self.finer(needed_hz)?.next(state)
-            }
-            reached => reached,
-        }
-    }
-
-    /// Advances the states by a number of periods; one that grows without bound is then not finite.
-    pub(crate) fn advance_together(&self, states: &mut [Vec<f64>], periods: u32) -> Result<(), TimeDomainError> {
-        if self.advance_side_by_side(states, periods)? {
-            return Ok(());
-        }
-        for state in states {
-            for _ in 0..periods {
-                if !Self::is_finite(state) {
-                    break;
-                }
-                *state = match self.next(state) {
-                    Err(error) if diverges(&error) => vec![f64::NAN; state.len()],
-                    reached => reached?,
-                };
-            }
-        }
-        Ok(())
-    }
-
     /// Says whether all numbers of a state are finite.
     pub(crate) fn is_finite(state: &[f64]) -> bool {
         state.iter().all(|number| number.is_finite())
@@ -332,7 +322,7 @@ impl StroboscopicMap {
 
     /// Returns the point `periods` periods later.
     pub(crate) fn image(&self, point: &DVector<f64>, periods: u32) -> Result<DVector<f64>, TimeDomainError> {
-        let state = (0..periods).try_fold(self.to_state(point), |state, _period| self.next(&state))?;
+        let state = (0..periods).try_fold(self.to_state(point), |state, _period| self.advance(&state))?;
         Ok(self.to_point(&state))
     }
 
@@ -348,7 +338,7 @@ impl StroboscopicMap {
         };
         let points: Vec<DVector<f64>> = (0..2 * n).map(moved).collect();
         let mut states: Vec<Vec<f64>> = points.iter().map(|point| self.to_state(point)).collect();
-        self.advance_together(&mut states, periods).ok()?;
+        self.advance_all(&mut states, periods).ok()?;
         let mut matrix = DMatrix::zeros(n, n);
         for (column, (ends, images)) in points.chunks_exact(2).zip(states.chunks_exact(2)).enumerate() {
             // The difference actually added, after rounding.

@@ -146,7 +146,7 @@ impl Follower<'_> {
             if period % 64 == 0 && (self.stop)() {
                 return Err(TimeDomainError::Stopped);
             }
-            self.state = self.map.next(&self.state)?;
+            self.state = self.map.advance(&self.state)?;
             if self.trail.len() > LONGEST_PERIOD {
                 // The trail has a few points, so that moving them costs nothing beside a period of integration.
                 self.trail.remove(0);

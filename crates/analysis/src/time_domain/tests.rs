@@ -323,7 +323,7 @@ fn fates_are_where_plain_integration_ends() {
     let starts: Vec<Vec<f64>> = (0..counts[0] * counts[1]).map(place).collect();
     let fates = outcomes(&map, &orbits, &starts, 40.0, &|| false).unwrap();
     let mut ends = starts.clone();
-    map.advance_together(&mut ends, 400).unwrap();
+    map.advance_all(&mut ends, 400).unwrap();
     let wrong: Vec<usize> = (0..starts.len())
         .filter(|&k| match fates[k] {
             BasinOutcome::Reaches { orbit, .. } => off(&map, &ends[k], &orbits[orbit].section[0]) > 1e-6,
