@@ -58,17 +58,6 @@ impl FrequencyResponses {
         let scatter = self.scatter.get(output)?.get(input)?;
         Some(scatter.iter().map(|scatter| libm::sqrt(scatter / self.surplus)).collect())
     }
-
-    /// Returns the radius of the circle about the response H1 that contains the true response with the probability
-    /// `confidence`, 0 to 1, at each line; `None` if there is no such channel.
-    ///
-    /// |Ĥ − H|² over its estimated variance has Fisher's distribution F of 2 and m = 2(n − q) degrees of freedom (J. S. Bendat,
-    /// A. G. Piersol, "Random Data", 4th edition 2010, section 9.2), whose quantile is (m/2)[(1 − c)^(−2/m) − 1].
-    pub fn confidence_radius(&self, output: usize, input: usize, confidence: f64) -> Option<Vec<f64>> {
-        let scatter = self.scatter.get(output)?.get(input)?;
-        let factor = libm::pow(1.0 - confidence, -1.0 / self.surplus) - 1.0;
-        Some(scatter.iter().map(|scatter| libm::sqrt(scatter * factor)).collect())
-    }
 }
 
 impl CrossSpectra {
