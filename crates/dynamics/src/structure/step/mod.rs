@@ -305,12 +305,6 @@ impl Stepper {
         Ok(())
     }
 
-    /// Writes q̈ at the state with a current in the coil of the shaker, A, n numbers; without a shaker that without a
-    /// load.
-    pub fn acceleration_at_current(&self, current_a: f64, out: &mut [f64]) {
-        self.engine.acceleration(&[], Some(current_a), out);
-    }
-
     /// Writes what degrees of freedom do at the state under loads, one after the other.
     ///
     /// # Errors

@@ -61,6 +61,7 @@ fn the_exact_flow_is_that_of_the_explicit_steps() {
         let nothing = Law::Cubic { stiffness3: 0.0, stiffness5: 0.0 };
         two_modes(vec![grounded(along("tip", Axis::X), nothing)])
     });
+    let points = ["tip.x", "mid.x"].map(|name| exact.dof(name).unwrap());
     let coils = INDUCTANCES_H.map(voltage).into_iter().chain([Coil::Current { force_factor_n_a: FORCE_FACTOR_N_A }]);
     for coil in coils {
         let of = |assembly: &Assembly| stepper(assembly, &armature(assembly, [1.0, 0.0], coil), 2000.0);
@@ -76,10 +77,10 @@ fn the_exact_flow_is_that_of_the_explicit_steps() {
                 assert!((states[0][k] - states[1][k]).abs() <= 1e-8 * *scale, "{coil:?}, step {step}: {states:?}");
             }
             let accelerations = both.each_ref().map(|stepper| {
-                let mut out = [[0.0; 2]; 2];
-                stepper.acceleration(&[blocked_n], &mut out[0]).unwrap();
-                stepper.acceleration_at_current(stepper.current_a().unwrap(), &mut out[1]);
-                out
+                let mut out = [[Kinematics::default(); 2]; 2];
+                stepper.read(&[blocked_n], &points, &mut out[0]).unwrap();
+                stepper.read_at_current(stepper.current_a().unwrap(), &points, &mut out[1]);
+                out.map(|read| read.map(|of| of.acceleration))
             });
             let [[one, at_current], [other, _]] = accelerations;
             for k in 0..2 {
