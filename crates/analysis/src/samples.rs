@@ -82,8 +82,8 @@ impl Jump {
     /// unknown. φ is a zero of E(x, v), so that ∂φ = −∂E/E′.
     fn new(element: &Element, part: &Part, instant: &Instant, [x, v]: [f64; 2], along: &[(usize, [f64; 2])]) -> Jump {
         let Instant { phase_rad, begins, condition, slope, .. } = *instant;
-        let open = element.force_on(Branch::Inner, x, v, 0.0);
-        let force = element.force_on(part.branch, x, v, 0.0).force - open.force;
+        let open = element.law.reaction(Branch::Inner, x, v, 0.0);
+        let force = element.law.reaction(part.branch, x, v, 0.0).force - open.force;
         // What begins later is less.
         let by_phase = force * if begins { -FRAC_1_PI } else { FRAC_1_PI };
         let [by_x, by_v] = [condition.by_depth, condition.by_rate_s].map(|by| -part.sign * by / slope);
@@ -141,7 +141,7 @@ impl Reactions {
             return samples().for_each(|at| put(around_sample(element, at, step_s), &mut self.numbers));
         }
         // The force of an open contact is constant.
-        let open = element.force_on(Branch::Inner, 0.0, 0.0, 0.0);
+        let open = element.law.reaction(Branch::Inner, 0.0, 0.0, 0.0);
         samples().for_each(|_| put(open, &mut self.numbers));
         for part in parts.into_iter().flatten() {
             self.acting.find(&part, [position, velocity], motion, step_s, fft);
@@ -150,7 +150,7 @@ impl Reactions {
             self.jumps.extend(jumps.map(|of| (part, *of)));
             for (j, (weight, [x, v])) in self.acting.weights.iter().zip(samples()).enumerate() {
                 if *weight != 0.0 {
-                    let closed = element.force_on(part.branch, x, v, 0.0);
+                    let closed = element.law.reaction(part.branch, x, v, 0.0);
                     self.numbers[0][j] += weight * (closed.force - open.force);
                     self.numbers[1][j] += weight * closed.by_position;
                     self.numbers[2][j] += weight * closed.by_velocity;

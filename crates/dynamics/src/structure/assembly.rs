@@ -370,7 +370,7 @@ impl Assembly {
     /// The energy stored in the elements at their states, J.
     pub fn element_energy_j(&self, q: &[f64], states: &[f64]) -> f64 {
         let at = self.at(q);
-        let energy = |element: &Element| element.energy_j(at.element_displacement(element), element.own(states));
+        let energy = |element: &Element| element.law.energy_j(at.element_displacement(element), element.own(states));
         let potential = |of: &Polynomial| of.energy_j(&of.displacements(&at)[..of.at().len()]);
         self.elements.iter().map(energy).sum::<f64>() + self.polynomials.iter().map(potential).sum::<f64>()
     }

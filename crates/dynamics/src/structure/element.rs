@@ -78,27 +78,12 @@ impl Element {
 
     /// Returns the force at a displacement from rest, a velocity and a state (0 for a law without).
     pub fn force(&self, position: f64, velocity: f64, state: f64) -> Reaction {
-        self.law.reaction(self.branch(position, velocity, state), position, velocity, state)
-    }
-
-    /// Returns the force on a branch, which goes on smoothly beyond it.
-    pub fn force_on(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> Reaction {
-        self.law.reaction(branch, position, velocity, state)
+        self.law.reaction(self.law.branch(position, velocity, state), position, velocity, state)
     }
 
     /// The rate of its state; zero for a law without.
     pub fn state_rate(&self, position: f64, velocity: f64, state: f64) -> StateRate {
-        self.law.state_rate(self.branch(position, velocity, state), velocity, state)
-    }
-
-    /// The branch that it is on. Where two meet, the one that the motion leads into.
-    pub fn branch(&self, position: f64, velocity: f64, state: f64) -> Branch {
-        self.law.branch(position, velocity, state)
-    }
-
-    /// The energy stored in it, J. Where a contact would pull, its spring relaxes without a force, and that energy is lost.
-    pub fn energy_j(&self, position: f64, state: f64) -> f64 {
-        self.law.energy_j(position, state)
+        self.law.state_rate(self.law.branch(position, velocity, state), velocity, state)
     }
 }
 
@@ -145,6 +130,7 @@ impl Law {
         self.seat().map_or(position, |[seat, _]| position + seat)
     }
 
+    /// The branch that an element is on. Where two meet, the one that the motion leads into.
     pub(super) fn branch(&self, position: f64, velocity: f64, state: f64) -> Branch {
         let position = self.unseated(position);
         let by_sign = |up: bool, down: bool| match (up, down) {
@@ -221,8 +207,8 @@ impl Law {
         }
     }
 
-    /// The force on a branch.
-    pub(super) fn reaction(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> Reaction {
+    /// Returns the force on a branch, which goes on smoothly beyond it.
+    pub fn reaction(&self, branch: Branch, position: f64, velocity: f64, state: f64) -> Reaction {
         let reaction = self.unseated_reaction(branch, self.unseated(position), velocity, state);
         let at_rest = self.seat().map_or(0.0, |[_, force]| force);
         Reaction { force: reaction.force - at_rest, ..reaction }
@@ -356,7 +342,9 @@ impl Law {
         }
     }
 
-    fn energy_j(&self, position: f64, state: f64) -> f64 {
+    /// The energy stored in an element, J. Where a contact would pull, its spring relaxes without a force, and that energy
+    /// is lost.
+    pub(super) fn energy_j(&self, position: f64, state: f64) -> f64 {
         let Some([seat, force]) = self.seat() else { return self.unseated_energy_j(position, state) };
         // Zero at rest: the work of the preload, and what it has stored, are left out.
         self.unseated_energy_j(position + seat, state) - self.unseated_energy_j(seat, state) - force * position

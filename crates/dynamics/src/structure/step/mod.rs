@@ -393,9 +393,11 @@ impl Stepper {
                 Some(0.0) => Branch::Inner,
                 Some(code) if *code > 0.0 => Branch::Upper,
                 Some(_) => Branch::Lower,
-                None => {
-                    element.branch(at.element_displacement(element), at.element_velocity(element, v), element.own(z))
-                }
+                None => element.law.branch(
+                    at.element_displacement(element),
+                    at.element_velocity(element, v),
+                    element.own(z),
+                ),
             };
         }
         let branches = &branches[..self.engine.state().branches.len()];

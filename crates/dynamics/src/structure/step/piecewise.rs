@@ -134,7 +134,7 @@ pub(super) fn engine(
     };
     stepped.add_mobility();
     for (branch, element) in stepped.branches.iter_mut().zip(assembly.elements()) {
-        *branch = element.branch(0.0, 0.0, 0.0);
+        *branch = element.law.branch(0.0, 0.0, 0.0);
     }
     if let Some(armature) = armature {
         check_coil(&armature.coil, f64::from(MOST_PARTS) * COIL_DECAY / stepped.step_s)?;
@@ -473,7 +473,7 @@ impl Piecewise {
         for i in 0..self.assembly.elements().len() {
             let element = self.assembly.elements()[i];
             let (position, velocity) = self.element_motion(i, &element, &self.at(state), state);
-            self.branches[i] = element.branch(position, velocity, element.own(&state.z));
+            self.branches[i] = element.law.branch(position, velocity, element.own(&state.z));
             if let Some(own) = element.state {
                 state.z[own] = element.law.state_on(self.branches[i], state.z[own]);
             }

@@ -20,7 +20,7 @@ pub(super) fn loss_w(of: &Assembly, q: &[f64], v: &[f64], states: &[f64]) -> f64
     dampers_w + of.elements().iter().map(element_w).sum::<f64>()
 }
 
-/// f v − ∂E/∂x v − ∂E/∂z ż, not negative, with the energy E of [`Element::energy_j`]. Where a contact would pull, its force is
+/// f v − ∂E/∂x v − ∂E/∂z ż, not negative, with the energy E of [`Law::energy_j`]. Where a contact would pull, its force is
 /// zero and its spring relaxes, so that the loss is −∂E/∂x v.
 fn element_loss_w(element: &Element, position: f64, velocity: f64, state: f64) -> f64 {
     let [seat, at_rest] = element.law.seat().unwrap_or_default();

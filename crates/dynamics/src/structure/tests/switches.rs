@@ -159,7 +159,7 @@ impl Halves {
             let (x, own) = (at.element_displacement(element), element.own(z));
             // The energy of an element with a preload is zero at rest alone; its spring has a slope where it is pressed.
             match element.law.seat() {
-                None => element.energy_j(x, own) > 0.0,
+                None => element.law.energy_j(x, own) > 0.0,
                 Some(_) => element.force(x, 0.0, own).by_position > 0.0,
             }
         };
