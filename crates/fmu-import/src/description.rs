@@ -169,7 +169,7 @@ fn variables(root: &Node<'_, '_>, version: Version) -> Result<BTreeMap<String, V
             got: text.to_owned(),
             expected: "a number from 0 to 4294967295",
         };
-        let reference = text.trim().parse().map_err(|_| number())?;
+        let reference: u32 = text.trim().parse().map_err(|_| number())?;
         // FMI 2 has the type in an element of its own.
         let typed = match version {
             Version::Fmi2 => node.children().find(Node::is_element).unwrap_or(node),
@@ -195,18 +195,18 @@ fn variables(root: &Node<'_, '_>, version: Version) -> Result<BTreeMap<String, V
             sizes.insert(reference, start);
         }
         if node.children().any(|node| node.has_tag_name("Dimension")) {
-            dimensions.push((name.clone(), node));
+            dimensions.push((name.clone(), reference, node));
         }
         for alias in node.children().filter(|node| node.has_tag_name("Alias")) {
             variables.insert(attribute(&alias, "name")?.to_owned(), variable.clone());
         }
         variables.insert(name, variable);
     }
-    for (name, node) in dimensions {
+    for (name, reference, node) in dimensions {
         let elements = elements(&name, &node, &sizes)?;
-        if let Some(variable) = variables.get_mut(&name) {
-            variable.elements = Some(elements);
-        }
+        // With the aliases of the array, which have its reference.
+        let arrays = variables.values_mut().filter(|variable| variable.reference == reference);
+        arrays.for_each(|variable| variable.elements = Some(elements));
     }
     Ok(variables)
 }

@@ -102,6 +102,11 @@ fn an_element_of_an_array_is_named_by_its_number() {
     let mapping = read(MASS, &spec).unwrap().mapping;
     assert_eq!((mapping.read.references.as_slice(), mapping.read.count), (&[8, 3, 4][..], 8));
     assert_eq!(mapping.travel[0].unwrap().index, 5);
+    // An alias of an array was a scalar, of which every element was refused.
+    let aliased =
+        MASS.replace("<Dimension valueReference=\"7\"/>", "<Dimension valueReference=\"7\"/><Alias name=\"z\"/>");
+    outputs(&mut spec).displacement = Some("z[6]".into());
+    assert_eq!(read(&aliased, &spec).unwrap().mapping.travel[0].unwrap().index, 5);
     outputs(&mut spec).displacement = Some("y[7]".into());
     insta::assert_snapshot!(read(MASS, &spec).unwrap_err(), @r#"structure.outputs."tip.x".displacement: `y` is an array of 6: name one element, `y[1]` to `y[6]`"#);
 }
