@@ -1,5 +1,6 @@
 //! Numbers in messages: exact in the fewest digits, or rounded, but never hundreds of digits long.
 
+use alloc::format;
 use core::fmt;
 
 /// A number in the fewest digits that identify it, at most 17, plain or with a power of ten.
@@ -50,9 +51,10 @@ impl fmt::Display for Significant {
             size if size == 0.0 || !size.is_finite() => write!(f, "{value}"),
             size if !(1e-4..1e6).contains(&size) => write!(f, "{value:.others$e}"),
             size => {
-                // 1 of a number from 10 to 99, −1 of one from 0.1 to 0.99.
-                let exponent = libm::floor(libm::log10(size)) as i32;
-                // A number that rounds up to the next power of ten, as 9.9996 with four digits, shows one digit more.
+                // 1 of a number from 10 to 99, −1 of one from 0.1 to 0.99; that of the rounded number, which may be the
+                // next power of ten.
+                let rounded = format!("{size:.others$e}");
+                let exponent = rounded.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0);
                 let places = usize::try_from(others as i32 - exponent).unwrap_or(0);
                 write!(f, "{value:.places$}")
             }
@@ -97,6 +99,13 @@ mod tests {
         let texts = [0.0, -1.23456, 0.0273, 12345.6, 2.5e6, 3.14159e-5, f64::NAN];
         let texts = texts.map(|x| significant(&x, 4).to_string());
         assert_eq!(texts, ["0", "-1.235", "0.02730", "12346", "2.500e6", "3.142e-5", "NaN"]);
+    }
+
+    /// A number that rounds up to a power of ten had a digit too many.
+    #[test]
+    fn significant_digits_are_as_many_where_rounding_carries() {
+        let texts = [9.9994, 9.9996, 0.099_996, 999.96, 99_999.7].map(|x| significant(&x, 4).to_string());
+        assert_eq!(texts, ["9.999", "10.00", "0.1000", "1000", "100000"]);
     }
 
     proptest! {
