@@ -306,7 +306,7 @@ def test_a_failure_names_the_mistake_of_the_controller_and_shows_the_fault(bench
         bench.run(unstable).assert_completed()
     said = str(raised.value)
     assert "the exciter ended faulted: " in said.splitlines()[0]
-    assert "the controller commands (1000000, 0) N at sample 100" in said
+    assert "the controller commands exciter_x = 1000000 N at sample 100" in said
     assert "> sample    100" in said
 
 
@@ -316,5 +316,5 @@ def test_a_failure_names_the_first_refused_command_and_frame(bench):
     with bench.wrong_crc(ids=[0x201], direction="receive", count=1), pytest.raises(AssertionError) as raised:
         bench.run(lambda measured: (1.0 if measured.sample < 100 else 310.0, 0.0)).assert_completed()
     said = str(raised.value)
-    assert re.search(r"commands were rejected: \d+ out_of_range; the first of them is \(310, 0\) N at sample 100", said)
+    assert re.search(r"commands were rejected: \d+ out_of_range; the first of them is exciter_x = 310 N at sample 100", said)
     assert "frames that the plant rejected: 1; the first of them is 201#" in said

@@ -272,7 +272,7 @@ fn a_recording_is_judged_by_the_configuration_it_states() {
     assert_snapshot!(said[0], @"resonarm: the recording's scenario describes no valid plant: `steps_per_sample` is 4000000: it must be even, since the instruments sample in the middle, and from 2 to 1000");
     assert_snapshot!(said[1], @"resonarm: the sample period is 0.001 s in the recording, but 0.002 s in its scenario (simulation.rate_hz), so the run can't be re-simulated");
     assert!(
-        said[2].contains("N·m, beyond the limits of the exciter in the scenario (rig.exciter: 0.001 N, 1600 N·m)"),
+        said[2].contains(" N, beyond the limits of the exciter in the scenario (rig.exciter: 0.001 N, 1600 N·m)"),
         "{said:?}"
     );
 }

@@ -81,8 +81,9 @@ pub enum Fault {
     },
     /// A load beyond the exciter's limits or direction.
     #[error(
-        "the load is {:?} N, {:?} N·m: the exciter can't produce it; its limits are {limit_n} N and {limit_nm} N·m \
-         (rig.exciter of the scenario)", .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
+        "the load is {load}: the exciter can't produce it; its limits are {limit_n} N and {limit_nm} N·m (rig.exciter of \
+         the scenario)",
+        limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
         /// The load that was set, which the exciter can't produce.

@@ -91,17 +91,6 @@ impl Load {
         *self == Load::planar([self.torque_nm[0], self.torque_nm[1]], [self.force_n.x, self.force_n.y])
     }
 
-    /// The torques, N·m: those at joints 1 and 2, and on to the last that is not zero.
-    pub fn torques_nm(&self) -> &[f64] {
-        let last = self.torque_nm.iter().rposition(|part| *part != 0.0).map_or(0, |last| last + 1);
-        self.torque_nm.as_slice().get(..last.max(2)).unwrap_or(&[])
-    }
-
-    /// The force, N: along x and y, and along z if that is not zero.
-    pub fn forces_n(&self) -> &[f64] {
-        self.force_n.as_slice().get(..if self.force_n.z == 0.0 { 2 } else { 3 }).unwrap_or(&[])
-    }
-
     /// Whether it has a torque.
     pub fn has_torque(&self) -> bool {
         self.torque_nm.iter().any(|part| *part != 0.0)

@@ -98,9 +98,7 @@ pub enum DifferenceKind {
         expected: &'static str,
     },
     /// It has not sent a command that the recorded controller sent, on a protocol whose commands name no sample.
-    #[error(
-        "the controller sends no further command; the recorded one is {expected:?} (force along x, y in N, torques in N·m)"
-    )]
+    #[error("the controller sends no further command; the recorded command is {expected}")]
     NoCommand {
         /// The load of the recorded command.
         expected: Load,

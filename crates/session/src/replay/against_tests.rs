@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use super::*;
 use crate::run::{Mode, Session, Signals};
 use resonarm_bench::node::{self, ExciterNode};
+use resonarm_bench::rig::Load;
 use resonarm_bus::{Bus, BusError, Filter, Received, Sent, Statistics};
 use resonarm_files::recording::{Direction, FrameRecord, Options, Record, Recorder, Recording};
 use resonarm_protocol::{ForceCommand, Frame, Message, Node, OperatorCommand, OperatorRequest, Transmitter};
@@ -219,4 +220,11 @@ fn requests_that_come_together_count_one_by_one() {
     assert_eq!(asked(&[Reset, Arm], &[Reset, Reset, Arm, Arm, Arm]), passed);
     insta::assert_snapshot!(said(&asked(&[Reset, Arm], &[Arm])), @"0: the controller does not ask the plant to reset; the recorded one did");
     insta::assert_snapshot!(said(&asked(&[Reset, Arm], &[Arm, Reset])), @"0: the controller does not ask the plant to arm; the recorded one did");
+}
+
+/// The load was printed in the form of Rust's debugging.
+#[test]
+fn a_missing_command_is_told_with_its_load() {
+    let missing = DifferenceKind::NoCommand { expected: Load::force_n(3.0, 0.0) };
+    insta::assert_snapshot!(missing, @"the controller sends no further command; the recorded command is exciter_x = 3 N");
 }

@@ -137,9 +137,9 @@ pub enum ReplayError {
     },
     /// The exciter can't have produced a recorded load.
     #[error(
-        "the recorded load at sample {sample} is {:?} N, {:?} N·m, beyond the limits of the exciter in the \
-         scenario (rig.exciter: {limit_n} N, {limit_nm} N·m)",
-        .load.forces_n(), .load.torques_nm(), limit_n = short(.limit_n), limit_nm = short(.limit_nm)
+        "the recorded load at sample {sample} is {load}, beyond the limits of the exciter in the scenario (rig.exciter: \
+         {limit_n} N, {limit_nm} N·m)",
+        limit_n = short(.limit_n), limit_nm = short(.limit_nm)
     )]
     Load {
         /// Sample with the impossible load.

@@ -56,7 +56,7 @@ pub(super) fn refused_command(refused: &RefusedLoad, plant: &Plant) -> String {
     };
     let limits = limits.iter().filter_map(|(limit, unit)| limit.map(|limit| format!("{} {unit}", short(&limit))));
     let limits = limits.collect::<Vec<String>>().join(" and ");
-    format!("{} at sample {sample}: {refusal}; the limit is {limits}", load_in_words(load))
+    format!("{load} at sample {sample}: {refusal}; the limit is {limits}")
 }
 
 /// Returns the reason for which an exciter can't send this load of its controller.
@@ -75,22 +75,7 @@ pub(super) fn unsent_command(sample: u64, load: &Load, scenario: &Scenario) -> S
         _ => None,
     };
     let reason = reason.unwrap_or_else(|| String::from("the protocol has no signal for this load"));
-    format!("the controller commands {} at sample {sample}: {reason}", load_in_words(load))
-}
-
-fn load_in_words(load: &Load) -> String {
-    let list = |parts: &[f64], unit: &str| {
-        let parts: Vec<String> = parts.iter().map(|part| short(part).to_string()).collect();
-        format!("({}) {unit}", parts.join(", "))
-    };
-    let (force, torque) = (list(load.forces_n(), "N"), list(load.torques_nm(), "N\u{b7}m"));
-    let has_torque = load.torque_nm.iter().any(|part| *part != 0.0);
-    let has_force = load.force_n.iter().any(|part| *part != 0.0);
-    match (has_force, has_torque) {
-        (true, true) => format!("{force} and {torque}"),
-        (_, true) => torque,
-        (_, false) => force,
-    }
+    format!("the controller commands {load} at sample {sample}: {reason}")
 }
 
 /// Returns the full index of a sample that a protocol states modulo 65536: the last one up to `now`.

@@ -301,10 +301,10 @@ fn two_drives_add_and_a_fault_of_one_stops_both() {
     let mut rig = Rig::of(mapping(messages), TimeBase::Clock);
     rig.send(DRIVE, 50, true);
     rig.send(SECOND, 100, false);
-    assert_eq!(rig.tick().torques_nm(), [1.0, 0.0], "the second is not armed");
+    assert_eq!(rig.tick(), Load::torque_nm(1.0, 0.0), "the second is not armed");
     assert_eq!(rig.refusals(Refusal::NotArmed), 1, "what it was sent is counted");
     rig.send(SECOND, 100, true);
-    assert_eq!(rig.tick().torques_nm(), [1.0, 2.0]);
+    assert_eq!(rig.tick(), Load::torque_nm(1.0, 2.0));
     for _ in 0..10 {
         rig.send(DRIVE, 50, true);
         rig.send(SECOND, 100, true);
@@ -312,14 +312,14 @@ fn two_drives_add_and_a_fault_of_one_stops_both() {
     }
     rig.send(SECOND, 100, false);
     rig.send(DRIVE, 50, true);
-    assert_eq!(rig.tick().torques_nm(), [1.0, 0.0], "a drive beside another is dropped");
+    assert_eq!(rig.tick(), Load::torque_nm(1.0, 0.0), "a drive beside another is dropped");
     rig.send(SECOND, 100, true);
     for _ in 0..100 {
         rig.send(DRIVE, 50, true);
         rig.tick();
     }
     assert_eq!(rig.node.state(), NodeState::Fault, "the second is silent");
-    assert_eq!(rig.tick().torques_nm(), [0.0, 0.0]);
+    assert_eq!(rig.tick(), Load::torque_nm(0.0, 0.0));
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn a_command_beyond_its_signal_is_named_with_its_value() {
     let report = run(1e6, "");
     assert_eq!(report.plant.fault.unwrap().code, EmergencyCode::PartnerFault as u16);
     let reason = ExciterEnd::from(&report.exciter).reason.unwrap();
-    assert!(reason.contains("the controller commands (1000000, 0) N at sample 100: "), "{reason}");
+    assert!(reason.contains("the controller commands exciter_x = 1000000 N at sample 100: "), "{reason}");
 }
 
 #[test]
@@ -53,7 +53,7 @@ fn the_first_command_beyond_a_limit_is_named_with_the_limit() {
     assert_eq!(report.plant.fault.unwrap().code, EmergencyCode::CommandTimeout as u16);
     assert!(report.plant.refused.out_of_range > 0, "{:?}", report.plant);
     let first = report.plant.first_refused_command.unwrap();
-    assert!(first.starts_with("(310, 0) N at sample 100: ") && first.contains("300 N"), "{first}");
+    assert!(first.starts_with("exciter_x = 310 N at sample 100: ") && first.contains("300 N"), "{first}");
 }
 
 #[test]

@@ -22,7 +22,7 @@ fn one_frame_of_each_command_answers() {
     assert!(!rig.node.is_answered());
     rig.send(DRIVE, 50, true);
     assert!(rig.node.is_answered());
-    assert_eq!(rig.node.load().forces_n(), [1.0, 2.0]);
+    assert_eq!(rig.node.load(), Load::force_n(1.0, 2.0));
     rig.publish(0.0);
     assert!(!rig.node.is_answered());
 }
