@@ -316,5 +316,6 @@ def test_a_failure_names_the_first_refused_command_and_frame(bench):
     with bench.wrong_crc(ids=[0x201], direction="receive", count=1), pytest.raises(AssertionError) as raised:
         bench.run(lambda measured: (1.0 if measured.sample < 100 else 310.0, 0.0)).assert_completed()
     said = str(raised.value)
-    assert re.search(r"commands were rejected: \d+ out_of_range; the first of them is exciter_x = 310 N at sample 100", said)
+    first = r"the first of them is exciter_x = 310 N at sample 100"
+    assert re.search(rf"commands were rejected: \d+ out_of_range; {first}", said)
     assert "frames that the plant rejected: 1; the first of them is 201#" in said
