@@ -2,7 +2,6 @@
 //! another period in thin lines; and as tables.
 
 use resonarm::analysis::{self, BifurcationKind, Branch, Coordinate, Orbit, Stability, Verdict};
-use resonarm_figures::paper::with_bifurcations;
 use resonarm_figures::plot::{Axis, Color, Figure, Marker, Panel, Series, Style};
 
 use crate::read_at::{ReadAt, cells, columns};
@@ -63,7 +62,7 @@ impl Row<'_> {
 
 /// Returns the responses of a branch with its bifurcations in their places.
 fn rows(branch: &Branch) -> Vec<Row<'_>> {
-    with_bifurcations(branch, |orbit, bifurcation| Row { orbit, bifurcation })
+    branch.with_bifurcations(|orbit, bifurcation| Row { orbit, bifurcation })
 }
 
 /// Adds to a figure a panel for each degree of freedom that is read, its largest displacement over what `x` says. The

@@ -307,4 +307,20 @@ impl Branch {
     pub fn period(&self) -> Option<usize> {
         self.orbits.first().map(|orbit| orbit.period)
     }
+
+    /// Makes a row of each response, and of the bifurcations in their places.
+    pub fn with_bifurcations<'a, T>(&'a self, row: impl Fn(&'a Orbit, Option<BifurcationKind>) -> T) -> Vec<T> {
+        let mut found = self.bifurcations.iter().peekable();
+        let mut rows = Vec::with_capacity(self.orbits.len() + self.bifurcations.len());
+        for (index, orbit) in self.orbits.iter().enumerate() {
+            // A bifurcation with the index i was located between the responses i − 1 and i.
+            while let Some(bifurcation) = found.next_if(|found| found.index <= index) {
+                rows.push(row(&bifurcation.orbit, Some(bifurcation.kind)));
+            }
+            rows.push(row(orbit, None));
+        }
+        // Those behind the last response, where a branch ended before it came to the next one.
+        rows.extend(found.map(|found| row(&found.orbit, Some(found.kind))));
+        rows
+    }
 }

@@ -150,7 +150,7 @@ pub enum Fault {
     Panic(String),
 }
 
-/// Reason why a call is wrong, whatever the state of the instance.
+/// Reason why an FMI call is refused.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum WrongCall {

@@ -4,7 +4,7 @@ use serde::{Serialize, Serializer};
 
 use super::{PaperError, Subject};
 use resonarm_analysis::{AnalysisError, BifurcationKind, segments};
-use resonarm_analysis::{Branch, Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
+use resonarm_analysis::{Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
 use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Preset, StructureError};
 
 /// Half the width of the range in which a mode's resonance zone is searched, relative to its natural frequency. The two
@@ -231,7 +231,7 @@ impl<'a> Traced<'a> {
             drive: self.drive,
             read: self.read.clone(),
             natural_hz: natural_hz(self.arm),
-            orbits: with_bifurcations(&branch, PaperOrbit::new),
+            orbits: branch.with_bifurcations(PaperOrbit::new),
         })
     }
 }
@@ -267,22 +267,6 @@ impl ForcedBranch {
     pub fn bifurcations(&self, kind: BifurcationKind) -> impl Iterator<Item = &PaperOrbit> {
         self.orbits.iter().filter(move |orbit| orbit.bifurcation == Some(kind))
     }
-}
-
-/// Makes a row of each response of a branch, and of its bifurcations in their places.
-pub fn with_bifurcations<'a, T>(branch: &'a Branch, row: impl Fn(&'a Orbit, Option<BifurcationKind>) -> T) -> Vec<T> {
-    let mut found = branch.bifurcations.iter().peekable();
-    let mut rows = Vec::with_capacity(branch.orbits.len() + branch.bifurcations.len());
-    for (index, orbit) in branch.orbits.iter().enumerate() {
-        // A bifurcation with the index i was located between the orbits i − 1 and i.
-        while let Some(bifurcation) = found.next_if(|found| found.index <= index) {
-            rows.push(row(&bifurcation.orbit, Some(bifurcation.kind)));
-        }
-        rows.push(row(orbit, None));
-    }
-    // Those behind the last orbit, where a branch ended before it came to the next one.
-    rows.extend(found.map(|found| row(&found.orbit, Some(found.kind))));
-    rows
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ mod settings;
 mod subject;
 mod table;
 
-pub use branch::{Drive, ForcedBranch, PaperOrbit, Read, Size, with_bifurcations};
+pub use branch::{Drive, ForcedBranch, PaperOrbit, Read, Size};
 pub use error::PaperError;
 pub use figure::{Abscissa, Figure, FigureCurves, LabelledCurve, NaturalFrequencies, Panel, Plan, natural_frequencies};
 pub use measured::{MeasuredError, MeasuredPoint, MeasuredZone, MeasuredZones, Way};
