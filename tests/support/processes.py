@@ -12,6 +12,13 @@ from pathlib import Path
 # Until a program that does not end is taken to hang, and what one waits for not to come, s. Machines differ by a factor
 # of ten, and a busy one stops a process again and again.
 PATIENCE_S = 300
+# Between two looks at what one waits for, s, and looks until it is taken not to come. Counted and not read off the clock:
+# where the whole machine was stopped, nothing could come either.
+POLL_S = 0.02
+POLLS = round(PATIENCE_S / POLL_S)
+
+# Characters of each output of a program that the report of a failed test shows.
+LAST_WORDS = 2000
 
 RESONARM = os.environ.get("RESONARM_BIN", "target/release/resonarm")
 
@@ -80,6 +87,12 @@ class Program:
             self.process.kill()
             self.process.wait(PATIENCE_S)
 
+    def last_words(self):
+        """How it stands and the end of what it wrote, for the report of a failed test."""
+        code = "still running" if self.running() else f"ended with {self.process.returncode}"
+        texts = [path.read_bytes().decode(errors="replace")[-LAST_WORDS:].strip() for path in self.paths]
+        return "\n".join([f"{self.name}: {code}", *filter(None, texts)])
+
 
 class Programs:
     """Starts programs; at the end of a `with` block none of them is left."""
@@ -94,6 +107,8 @@ class Programs:
 
     def __exit__(self, *_):
         for program in self.started:
+            # pytest shows what is printed here where the test has failed, and only there.
+            print(program.last_words())
             program.end()
         self.folder.cleanup()
 
@@ -142,13 +157,13 @@ def receivers():
     return {line.split()[0] for line in lists.splitlines() if line[:3] == "   " and "device" not in line}
 
 
-def wait_until(holds, what, timeout_s=PATIENCE_S):
+def wait_until(holds, what):
     """Polls until `holds()` is true, and returns its value."""
-    end = time.monotonic() + timeout_s
-    while not (value := holds()):
-        assert time.monotonic() < end, f"waited {timeout_s} s for {what}"
-        time.sleep(0.02)
-    return value
+    for _ in range(POLLS):
+        if value := holds():
+            return value
+        time.sleep(POLL_S)
+    raise AssertionError(f"waited {PATIENCE_S} s for {what}")
 
 
 def run(*arguments, timeout_s=PATIENCE_S):
