@@ -13,6 +13,9 @@ const MOST_ITERATIONS: usize = 8;
 /// A correction below this part of the largest acceleration is the last one: the next would be its square, below
 /// rounding.
 const CORRECTION_LIMIT: f64 = 1e-9;
+/// The least acceleration that a correction is compared with, as a part of the terms of which it is the sum. At rest under a
+/// load they cancel, and what is left of them is rounding, which no correction makes smaller.
+const LEAST_SUM: f64 = 1e-4;
 
 /// The slopes that solve the equations.
 ///
@@ -56,7 +59,9 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
         let Jacobian { acceleration, by_position, by_velocity } = stages.dynamics.jacobian(&stage, stages.loads.at(i));
         let slope = stages.slope(&stage, acceleration);
         for row in 0..N {
-            largest = largest.max(libm::fabs(acceleration[row]));
+            let terms = by_position[row].iter().zip(&stage.x).chain(by_velocity[row].iter().zip(&stage.v));
+            let terms: f64 = terms.map(|(by, number)| libm::fabs(by * number)).sum();
+            largest = largest.max(libm::fabs(acceleration[row])).max(LEAST_SUM * terms);
             residual[i][row] = slopes[i][row] - slope[row];
             let (mut by_x, mut by_v) = (by_position[row], by_velocity[row]);
             for n in 0..N {

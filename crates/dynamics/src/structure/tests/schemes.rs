@@ -177,3 +177,26 @@ fn a_state_that_is_not_finite_is_an_error() {
         assert!(stepper.position().iter().chain(stepper.velocity()).all(|number| number.is_finite()), "{scheme}");
     }
 }
+
+/// Damped so strongly that it comes to rest within a second, an arm under a held load once ended with an error there: what is
+/// left of the acceleration is rounding, and Newton's method compared its corrections with that. At rest springs carry the
+/// load: α = u/k.
+#[test]
+fn rest_under_a_load_is_kept() {
+    let mut chain = Preset::Irb1600Fitted.chain().unwrap();
+    let (stiffness_nm_rad, damping_nm_s_rad) = (5e5, 2000.0);
+    chain.links.iter_mut().for_each(|link| {
+        (link.stiffness_nm_rad, link.damping_nm_s_rad) = (stiffness_nm_rad, damping_nm_s_rad);
+    });
+    let arm = assembly(BodySpec::Chain(chain), vec![]);
+    for scheme in [Scheme::Gl4, Scheme::Gl6, Scheme::Exponential, Scheme::Exponential8] {
+        // Of a hundred loads about four ended so.
+        for k in 0..100 {
+            let torque_nm = [20.0 - 0.37 * f64::from(k), 2.0 + 0.11 * f64::from(k)];
+            let driven = Driven { amplitude: vec![("joint1", torque_nm[0]), ("joint2", torque_nm[1])], ..FREE };
+            let state = run(&arm, scheme, 2_000.0, 2_400, [0.0; 4], &driven);
+            let rest = [torque_nm[0] / stiffness_nm_rad, torque_nm[1] / stiffness_nm_rad, 0.0, 0.0];
+            assert!(distance(&state, &rest) < 1e-15, "{scheme}: {state:?}, expected {rest:?}");
+        }
+    }
+}
