@@ -12,13 +12,9 @@ from pathlib import Path
 # Until a program that does not end is taken to hang, and what one waits for not to come, s. Machines differ by a factor
 # of ten, and a busy one stops a process again and again.
 PATIENCE_S = 300
-# Between two looks at what one waits for, s, and looks until it is taken not to come. Counted and not read off the clock:
-# where the whole machine was stopped, nothing could come either.
-POLL_S = 0.02
-POLLS = round(PATIENCE_S / POLL_S)
 
 # Characters of each output of a program that the report of a failed test shows.
-LAST_WORDS = 2000
+LAST_CHARACTERS = 2000
 
 RESONARM = os.environ.get("RESONARM_BIN", "target/release/resonarm")
 
@@ -88,9 +84,9 @@ class Program:
             self.process.wait(PATIENCE_S)
 
     def last_words(self):
-        """How it stands and the end of what it wrote, for the report of a failed test."""
+        """Whether it still runs, else its exit code, and the end of its outputs: for the report of a failed test."""
         code = "still running" if self.running() else f"ended with {self.process.returncode}"
-        texts = [path.read_bytes().decode(errors="replace")[-LAST_WORDS:].strip() for path in self.paths]
+        texts = [path.read_bytes().decode(errors="replace")[-LAST_CHARACTERS:].strip() for path in self.paths]
         return "\n".join([f"{self.name}: {code}", *filter(None, texts)])
 
 
@@ -157,13 +153,13 @@ def receivers():
     return {line.split()[0] for line in lists.splitlines() if line[:3] == "   " and "device" not in line}
 
 
-def wait_until(holds, what):
+def wait_until(holds, what, timeout_s=PATIENCE_S):
     """Polls until `holds()` is true, and returns its value."""
-    for _ in range(POLLS):
-        if value := holds():
-            return value
-        time.sleep(POLL_S)
-    raise AssertionError(f"waited {PATIENCE_S} s for {what}")
+    end = time.monotonic() + timeout_s
+    while not (value := holds()):
+        assert time.monotonic() < end, f"waited {timeout_s} s for {what}"
+        time.sleep(0.02)
+    return value
 
 
 def run(*arguments, timeout_s=PATIENCE_S):

@@ -8,7 +8,7 @@ import can
 import numpy as np
 import pytest
 from odrive_can.odrive import ODriveCAN
-from processes import PATIENCE_S, POLL_S, POLLS, wait_until
+from processes import PATIENCE_S, wait_until
 from recordings import Recording
 
 STIFFNESS_NM_RAD, GEAR = 5e5, 10.0
@@ -67,11 +67,9 @@ class Axis:
         await self.until(lambda: self.drive.axis_state == state)
 
     async def until(self, holds):
-        for _ in range(POLLS):
-            if holds():
-                return
-            await asyncio.sleep(POLL_S)
-        pytest.fail(f"axis {self.number} waited in vain; its last heartbeat says {self.drive._last_heartbeat}")
+        async with asyncio.timeout(PATIENCE_S):
+            while not holds():
+                await asyncio.sleep(0.02)
 
     async def deflection_rad(self, torque_nm, gear=1.0):
         """Of the joint, under a torque of the motor that acts for a second: the mean of what the encoder says then."""

@@ -13,8 +13,8 @@ const MOST_ITERATIONS: usize = 8;
 /// A correction below this part of the largest acceleration is the last one: the next would be its square, below
 /// rounding.
 const CORRECTION_LIMIT: f64 = 1e-9;
-/// The least acceleration that a correction is compared with, as a part of the terms of which it is the sum. At rest under a
-/// load they cancel, and what is left of them is rounding, which no correction makes smaller.
+/// A correction is compared with at least this part of the terms whose sum the acceleration is. At rest under a load these
+/// terms cancel, and their sum is rounding, below which no correction can get.
 const LEAST_SUM: f64 = 1e-4;
 
 /// The slopes that solve the equations.

@@ -178,9 +178,8 @@ fn a_state_that_is_not_finite_is_an_error() {
     }
 }
 
-/// Damped so strongly that it comes to rest within a second, an arm under a held load once ended with an error there: what is
-/// left of the acceleration is rounding, and Newton's method compared its corrections with that. At rest springs carry the
-/// load: α = u/k.
+/// An arm with strong dampers comes to rest under a held load within a second. Steps at rest once failed: the acceleration is
+/// only rounding there, and Newton's method compared its corrections with it. At rest the springs carry the load: α = u/k.
 #[test]
 fn rest_under_a_load_is_kept() {
     let mut chain = Preset::Irb1600Fitted.chain().unwrap();
@@ -190,7 +189,7 @@ fn rest_under_a_load_is_kept() {
     });
     let arm = assembly(BodySpec::Chain(chain), vec![]);
     for scheme in [Scheme::Gl4, Scheme::Gl6, Scheme::Exponential, Scheme::Exponential8] {
-        // Of a hundred loads about four ended so.
+        // About four of a hundred loads had such a step.
         for k in 0..100 {
             let torque_nm = [20.0 - 0.37 * f64::from(k), 2.0 + 0.11 * f64::from(k)];
             let driven = Driven { amplitude: vec![("joint1", torque_nm[0]), ("joint2", torque_nm[1])], ..FREE };
