@@ -8,13 +8,11 @@
 
 mod contract;
 mod memory;
-#[cfg(debug_assertions)]
 #[path = "../common/no_alloc.rs"]
 mod no_alloc;
 mod on_vcan;
 #[cfg(feature = "python-can")]
 mod python_can;
-#[cfg(debug_assertions)]
 mod whole_tick;
 
 use contract::{Formats, contract};

@@ -147,7 +147,6 @@ fn sends_and_receives_without_allocating() {
     assert_eq!(received, (true, 48));
 }
 
-#[cfg(debug_assertions)]
 #[test]
 #[ignore = "needs vcan0: tests/vcan/with-vcan cargo test --test buses -- --ignored on_vcan"]
 fn a_whole_tick_takes_no_memory() {

@@ -4,7 +4,6 @@
 mod continuation;
 mod identified_modes;
 mod integrators;
-#[cfg(debug_assertions)]
 #[path = "../common/no_alloc.rs"]
 mod no_alloc;
 mod oracles;

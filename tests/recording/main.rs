@@ -6,10 +6,8 @@ mod channels;
 mod crash;
 mod damage;
 mod messages;
-#[cfg(debug_assertions)]
 #[path = "../common/no_alloc.rs"]
 mod no_alloc;
-#[cfg(debug_assertions)]
 mod real_time_alloc;
 mod reference_recordings;
 mod round_trip;

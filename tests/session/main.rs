@@ -11,19 +11,15 @@ mod fmu;
 mod gate;
 mod limits;
 mod lockstep_conformance;
-#[cfg(debug_assertions)]
 #[path = "../common/no_alloc.rs"]
 mod no_alloc;
-#[cfg(debug_assertions)]
 mod real_time_alloc;
 mod scenarios;
 mod sensors;
 mod shaker_force;
 mod soak;
 mod test_control;
-#[cfg(debug_assertions)]
 mod watch_alloc;
 mod wire;
 mod wire_exciter;
-#[cfg(debug_assertions)]
 mod wires_alloc;

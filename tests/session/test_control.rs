@@ -95,7 +95,6 @@ fn a_refused_test_ends_the_run_with_its_reason() {
 }
 
 /// The laws take no memory for a sample, from the loop check to the first seconds of their level.
-#[cfg(debug_assertions)]
 #[test]
 fn the_laws_take_no_memory() {
     for name in ["random", "sine", "shock"] {
