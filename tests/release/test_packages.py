@@ -92,6 +92,21 @@ def test_tar_deb_and_wheel_take_them():
     assert "add_third_party_licenses" in functions["wheel_of"]
 
 
+def test_every_crate_uses_its_dependencies():
+    """Eleven crates used nothing of 34 others: manifests then show arrows that the code has not."""
+    unused = []
+    for manifest in tracked("Cargo.toml", "crates/*/Cargo.toml", "firmware-protocol/Cargo.toml"):
+        crate = manifest.parent.relative_to(ROOT)
+        files = tracked(*(str(crate / name) for name in ("src", "tests", "benches", "examples", "build.rs")))
+        sources = "\n".join(path.read_text() for path in files if path.suffix == ".rs")
+        sections = re.findall(r"(?ms)^\[(?!workspace)[\w.()\"'= -]*\bdependencies\]\n(.*?)(?=^\[|\Z)", manifest.read_text())
+        assert sections
+        for name in re.findall(r"(?m)^([\w-]+)[. ]", "".join(sections)):
+            if not re.search(rf"\b{name.replace('-', '_')}\b", sources):
+                unused.append((str(crate), name))
+    assert not unused
+
+
 def test_requirements_have_checksums():
     """pip compares what it downloads with them."""
     files = tracked("*requirements*.txt")
