@@ -81,6 +81,10 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.pace.sleep(sample);
         self.pace.note(sample);
         self.bench.measure()?;
+        // On this bus a frame is there at once, so that what is handed over belongs to the frames of this sample.
+        if self.hands_over {
+            self.exciter.carried_mut().hand_over(self.bench.more);
+        }
         self.exchange()?;
         self.responses.extend(core::iter::from_fn(|| {
             let response = self.exciter.carried_mut().poll_response()?;
@@ -136,14 +140,10 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         let now_ns = self.now_ns();
         self.bench.handle_deadline(now_ns);
         self.exciter.handle_deadline(now_ns);
+        let mut moved = self.moved();
         loop {
             // A frame may be answered at the same instant, so both ends are served until neither moves one.
-            let before = self.moved();
             self.bench.transmit(now_ns, self.near)?;
-            // On this bus a frame is there at once, so that what is handed over belongs to the frames of this turn.
-            if self.hands_over {
-                self.exciter.carried_mut().hand_over(self.bench.more);
-            }
             if let Err(error) = self.answer(now_ns) {
                 // A controller that is bus-off comes back.
                 if !error.is_recoverable() {
@@ -156,7 +156,8 @@ impl<C: Clock> Free<'_, '_, '_, C> {
             }
             self.bench.receive(now_ns, self.near)?;
             self.bench.handle_deadline(now_ns);
-            if self.moved() == before {
+            let before = core::mem::replace(&mut moved, self.moved());
+            if moved == before {
                 return Ok(());
             }
         }
