@@ -93,7 +93,7 @@ def test_tar_deb_and_wheel_take_them():
 
 
 def test_every_crate_uses_its_dependencies():
-    """Eleven crates used nothing of 34 others: manifests then show arrows that the code has not."""
+    """A dependency that nothing uses shows an arrow that the code does not have. Eleven manifests had 34 of them."""
     unused = []
     for manifest in tracked("Cargo.toml", "crates/*/Cargo.toml", "firmware-protocol/Cargo.toml"):
         crate = manifest.parent.relative_to(ROOT)

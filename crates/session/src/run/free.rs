@@ -81,7 +81,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.pace.sleep(sample);
         self.pace.note(sample);
         self.bench.measure()?;
-        // On this bus a frame is there at once, so that what is handed over belongs to the frames of this sample.
+        // A frame arrives at once on this bus, so these readings belong to the frames of this sample.
         if self.hands_over {
             self.exciter.carried_mut().hand_over(self.bench.more);
         }
