@@ -69,7 +69,7 @@ fn sent(bencher: Bencher) {
             let published = PublishedSample {
                 measurement: &measurement,
                 states: &States::written(4, 4, |numbers| numbers.fill(1e-6)),
-                travel_m: 0.0,
+                travel_m: None,
             };
             node.publish(black_box(&published)).ok();
             frames.clear();

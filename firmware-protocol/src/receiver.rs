@@ -47,20 +47,21 @@ impl Receiver {
         if frame.len() != form.length {
             return Err(DecodeError::Length { kind, got: frame.len(), expected: form.length });
         }
-        let message = match form.protection.zip(kind.data_id(self.network)) {
-            None => Message::decode(kind, &unprotected(frame.data()))?,
+        // The message is not taken out of its result: messages are long, and each move copies one.
+        let decoded = match form.protection.zip(kind.data_id(self.network)) {
+            None => Message::decode(kind, &unprotected(frame.data())),
             Some((Protection::Profile11, data_id)) => {
-                Message::decode(kind, &self.profile11(kind, data_id, frame.data())?)?
+                Message::decode(kind, &self.profile11(kind, data_id, frame.data())?)
             }
             Some((Protection::Profile5, data_id)) => {
                 self.profile5(kind, data_id, frame.data())?;
-                Message::decode_fd(kind, frame.data())?
+                Message::decode_fd(kind, frame.data())
             }
         };
-        if let Message::Heartbeat(Heartbeat { node, state: NodeState::BootUp }) = message {
+        if let Ok(Message::Heartbeat(Heartbeat { node, state: NodeState::BootUp })) = decoded {
             self.restart(node);
         }
-        Ok(Some(message))
+        decoded.map(Some)
     }
 
     /// Restarts the supervision of all messages of `node`: the next frame of each is accepted with any

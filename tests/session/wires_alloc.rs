@@ -33,7 +33,7 @@ fn run(node: &mut dyn PlantInterface, frames: &[Frame]) -> usize {
             let published = PublishedSample {
                 measurement: &measurement,
                 states: &States::new(&[1e-6; 4], &[]).unwrap(),
-                travel_m: 0.0,
+                travel_m: None,
             };
             node.publish(&published).unwrap();
             batch.clear();
@@ -94,7 +94,7 @@ fn run_both(plant: &mut dyn PlantInterface, exciter: &mut dyn ExciterInterface) 
             let published = PublishedSample {
                 measurement: &measurement,
                 states: &States::new(&[1e-6; 4], &[]).unwrap(),
-                travel_m: 0.0,
+                travel_m: None,
             };
             plant.publish(&published).unwrap();
             for _ in 0..4 {

@@ -100,8 +100,12 @@ impl Link {
     /// [`Unused`] says why the frame is no message for this node.
     pub fn accept(&mut self, now_ns: u64, frame: &Frame) -> Result<Option<Message>, Unused> {
         self.core.listening.look(now_ns);
-        let message = self.receiver.accept(frame).map_err(|error| self.reject(error))?;
-        let Some(kind) = message.as_ref().map(Message::kind) else { return Ok(None) };
+        let received = self.receiver.accept(frame);
+        let kind = match &received {
+            Ok(Some(message)) => message.kind(),
+            Ok(None) => return Ok(None),
+            Err(error) => return Err(self.reject(*error)),
+        };
         if kind.sender() == self.node {
             // An operator's station may send requests in place of the exciter.
             let is_request = kind == MessageKind::Operator;
@@ -109,7 +113,7 @@ impl Link {
         }
         // Only messages that have passed all checks count as a sign of life of the partner.
         self.partner_heard_ns = self.core.listening.listened_ns();
-        Ok(message)
+        received.map_err(Unused::Rejected)
     }
 
     /// Counts and notes a frame that failed a check. A remote frame is a request, not a message of another sender.

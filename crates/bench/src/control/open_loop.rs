@@ -37,8 +37,9 @@ impl Controller for OpenLoop {
         // The fit needs the phase of the acting load at the time of the reading. A held sine lags by half a
         // sample, and the converter's filter delays the reading.
         let read_at = n as f64 - self.sampling.converter.delay_samples() - 0.5;
-        let response = self.reader.add(sample, self.profile.phase_cycles(read_at));
-        self.response = response.map(|point| ResponsePoint { load_kind: self.load_kind(), ..point });
+        if let Some(point) = self.reader.add(sample, self.profile.phase_cycles(read_at)) {
+            self.response = Some(ResponsePoint { load_kind: self.load_kind(), ..point });
+        }
         // The response of the last window is read at the latest with the sample that ends the profile.
         if n >= self.profile.samples() { Answer::Finished } else { Answer::Hold(self.profile.load(n)) }
     }

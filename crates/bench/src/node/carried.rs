@@ -50,8 +50,8 @@ impl Carried {
     /// Hands over the readings of the next sample that Resonarm's protocol does not carry. It states that plant and
     /// controller are in one loop, which also takes the parts of a load that the protocol does not carry from
     /// [`Carried::last_answer`] to the plant. Without it the node faults at such a load.
-    pub fn hand_over(&mut self, more: Readings) {
-        self.handed_over = Some(more);
+    pub fn hand_over(&mut self, more: &Readings) {
+        self.handed_over = Some(*more);
     }
 
     /// Returns the next response that has been read.
@@ -95,8 +95,11 @@ impl Answering for Carried {
     }
 
     fn answer(&mut self, sample: u64, values: &SensorValues) -> node::Answer<Abort> {
-        let more = self.handed_over.unwrap_or_default();
-        let answer = self.answer_sample(&Measurement { more, ..sample::from_values(sample, values) });
+        let mut measurement = sample::from_values(sample, values);
+        if let Some(more) = &self.handed_over {
+            measurement.more = *more;
+        }
+        let answer = self.answer_sample(&measurement);
         match (answer, self.controller.load_kind()) {
             // The protocol has no field for a part of this load, and nothing else takes it to the plant. The node sends
             // no command that is not a number.

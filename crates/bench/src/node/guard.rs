@@ -22,8 +22,8 @@ pub struct Guard {
     hold: Hold,
     /// Index of the last measured sample.
     pub(super) sample: u64,
-    /// Travel of the driven point at that sample, m.
-    travel_m: f64,
+    /// Travel of the driven point at that sample, m, if it is limited.
+    travel_m: Option<f64>,
     /// Time of the last accepted command, or of arming, ns of time listened.
     taken_ns: u64,
     refused_since_taken: u64,
@@ -47,7 +47,7 @@ impl Guard {
             // stated.
             hold: Hold::new(timing.ramp_ns.saturating_mul(rate_hz.into()).div_ceil(1_000_000_000)),
             sample: 0,
-            travel_m: 0.0,
+            travel_m: Some(0.0),
             taken_ns: 0,
             refused_since_taken: 0,
             refusals: Refusals::default(),
@@ -56,8 +56,9 @@ impl Guard {
         }
     }
 
-    /// Notes a measured sample with the distance of the driven point from rest, m.
-    pub fn measured(&mut self, sample: u64, travel_m: f64) {
+    /// Notes a measured sample with the distance of the driven point from rest, m. The distance may be left out if the
+    /// gate does not limit it.
+    pub fn measured(&mut self, sample: u64, travel_m: Option<f64>) {
         (self.sample, self.travel_m) = (sample, travel_m);
     }
 

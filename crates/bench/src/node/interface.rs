@@ -162,14 +162,14 @@ pub struct PublishedSample<'a> {
     pub measurement: &'a Measurement,
     /// States of the structure at the sample.
     pub states: &'a States,
-    /// Distance of the driven point from rest at the sample, m.
-    pub travel_m: f64,
+    /// Distance of the driven point from rest at the sample, m; `None` if the gate does not limit it.
+    pub travel_m: Option<f64>,
 }
 
 impl<'a> PublishedSample<'a> {
     /// Returns a sample of readings alone, of a structure at rest.
     pub fn of(measurement: &'a Measurement) -> PublishedSample<'a> {
-        PublishedSample { measurement, states: &States::NONE, travel_m: 0.0 }
+        PublishedSample { measurement, states: &States::NONE, travel_m: Some(0.0) }
     }
 }
 

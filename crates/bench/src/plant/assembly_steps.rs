@@ -181,7 +181,13 @@ impl Stepped for AssemblySteps {
     }
 
     fn read(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
-        let drive = if self.held.load == *load { self.held } else { self.drive(load) };
+        let other;
+        let drive = if self.held.load == *load {
+            &self.held
+        } else {
+            other = self.drive(load);
+            &other
+        };
         let dofs = &self.read[..self.places.len()];
         // Usually the structure has every degree of freedom, and their order is that of the places.
         if dofs.len() == out.len() {

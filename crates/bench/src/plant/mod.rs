@@ -295,6 +295,12 @@ impl Plant {
         self.structure.travel_m()
     }
 
+    /// The same, if the gate limits it.
+    pub fn limited_travel_m(&self) -> Option<f64> {
+        // Most gates have no such limit, and of a chain it takes the sines of its angles again.
+        self.gate().travel_limit_m.map(|_| self.travel_m())
+    }
+
     /// The index of the current sample.
     pub fn sample(&self) -> u64 {
         self.sample

@@ -52,7 +52,7 @@ impl GateSpec {
     }
 
     /// Returns the values by which the gate checks a command for `load`, while `held` acts at `rate_hz` samples
-    /// per second and the travel is `travel_m`.
+    /// per second and the travel is `travel_m`. A travel that is limited and not known is beyond its limit.
     ///
     /// A change Δ at a largest rate r takes Δ/r seconds, that is, f Δ/r sample periods; the longer of force and
     /// torque counts.
@@ -60,7 +60,7 @@ impl GateSpec {
         &self,
         exciter: &Exciter,
         rate_hz: f64,
-        travel_m: f64,
+        travel_m: Option<f64>,
         [held, load]: [&Load; 2],
     ) -> CommandCheck {
         let (force_n, torque_nm) = exciter.size(&(*load - *held));
@@ -70,7 +70,9 @@ impl GateSpec {
             range: within(exciter.can_produce(load)),
             change_periods: periods(force_n, self.force_rate_limit_n_per_s)
                 .max(periods(torque_nm, self.torque_rate_limit_nm_per_s)),
-            travel: within(self.travel_limit_m.is_none_or(|limit_m| travel_m <= limit_m)),
+            travel: within(
+                self.travel_limit_m.is_none_or(|limit_m| travel_m.is_some_and(|travel_m| travel_m <= limit_m)),
+            ),
         }
     }
 }

@@ -162,24 +162,26 @@ fn the_gate_checks_range_change_and_travel() {
     let (from, within) = (Load::force_n(1.0, -2.0), Limit::Within);
     let check = |limits: GateSpec, travel_m, to| limits.command_check(&exciter, 1000.0, travel_m, [&from, &to]);
     // 3 N along x and 4 N along y at 0.5 N a sample period.
-    let force = check(limits, 0.25, Load::force_n(-2.0, 2.0));
+    let force = check(limits, Some(0.25), Load::force_n(-2.0, 2.0));
     assert_eq!(force, CommandCheck { range: within, change_periods: 8.0, travel: within });
     // The force goes: 2 N in 4 periods. The torque comes: 3 N·m in 12.
-    let torque = check(limits, 0.250_001, Load::torque_nm(1.0, -3.0));
+    let torque = check(limits, Some(0.250_001), Load::torque_nm(1.0, -3.0));
     assert_eq!(torque, CommandCheck { range: within, change_periods: 12.0, travel: Limit::Beyond });
-    assert_eq!(check(limits, 0.0, Load::force_n(10.001, 0.0)).range, Limit::Beyond);
-    assert_eq!(check(limits, f64::NAN, from).travel, Limit::Beyond);
-    let free = check(GateSpec::default(), 1e9, Load::force_n(-10.0, 10.0));
+    assert_eq!(check(limits, Some(0.0), Load::force_n(10.001, 0.0)).range, Limit::Beyond);
+    assert_eq!(check(limits, Some(f64::NAN), from).travel, Limit::Beyond);
+    // A travel that nobody measured is not within a limit.
+    assert_eq!(check(limits, None, from).travel, Limit::Beyond);
+    let free = check(GateSpec::default(), Some(1e9), Load::force_n(-10.0, 10.0));
     assert_eq!(free, CommandCheck { range: within, change_periods: 0.0, travel: within });
 
     // From one torque to another: 3 N·m at joint 1, 2 N·m at joint 2.
     let turned = [Load::torque_nm(2.0, 5.0), Load::torque_nm(-1.0, 3.0)];
-    let torques = limits.command_check(&exciter, 1000.0, 0.0, [&turned[0], &turned[1]]);
+    let torques = limits.command_check(&exciter, 1000.0, Some(0.0), [&turned[0], &turned[1]]);
     assert_eq!(torques.change_periods, 12.0);
 
     // Along the shaker, in any direction.
     let [held, load] = [-1.0, 3.0].map(|force_n| Load::planar([0.0; 2], (shaker().direction() * force_n).into()));
-    let along = limits.command_check(&Exciter::Shaker(shaker()), 1000.0, 0.0, [&held, &load]);
+    let along = limits.command_check(&Exciter::Shaker(shaker()), 1000.0, Some(0.0), [&held, &load]);
     assert!((along.change_periods - 8.0).abs() < 1e-12, "{along:?}");
 }
 

@@ -237,7 +237,7 @@ impl PlantDevice {
         let acceleration_b_m_s2 = [Reading { value: 2000.0, clipped: true }, reading(0.0)];
         let sample = self.sample;
         let measurement = Measurement { sample, head_force_n, acceleration_b_m_s2, ..Measurement::default() };
-        let travel_m = self.load.force_n.x.abs() * COMPLIANCE_M_N;
+        let travel_m = Some(self.load.force_n.x.abs() * COMPLIANCE_M_N);
         self.node.publish(&PublishedSample { travel_m, ..PublishedSample::of(&measurement) }).unwrap();
         self.sample += 1;
     }

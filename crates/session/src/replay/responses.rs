@@ -65,7 +65,7 @@ fn responses_reading(
     let controller = scenario.controller_reading(converter)?;
     let mut exciter = node::carry(network, scenario.wire_rate_hz()?, scenario.lockstep_timing()?, controller);
     // The recorded frames lack the same parts of a load as those made again.
-    exciter.work_mut().controller.hand_over(Readings::NONE);
+    exciter.work_mut().controller.hand_over(&Readings::NONE);
     exciter.start(0);
     let (mut responses, mut commands) = (Vec::new(), BTreeMap::new());
     for record in recording.frames()? {

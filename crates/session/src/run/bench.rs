@@ -8,7 +8,7 @@ use super::round_trip::RoundTrips;
 use super::{BusCounts, BusLoss, Fault, Gauges, Notice, Request, RunError, RunEvent, Watched};
 use resonarm_bench::node::{NodeEvent, PlantInterface, PublishedSample};
 use resonarm_bench::plant::{Plant, PlantError};
-use resonarm_bench::rig::{Load, Measurement, Readings};
+use resonarm_bench::rig::{Load, Measurement};
 use resonarm_bus::{Bus, BusError, ControllerState, Received, Sent, Statistics};
 use resonarm_files::recording::{Direction, Event, FrameRecord, Record, TickRecord};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest, Trip};
@@ -42,12 +42,12 @@ pub(super) struct Bench<'a> {
     pub round_trips: Option<RoundTrips>,
     /// Number of samples measured so far.
     pub samples: u64,
-    /// Sample 0, if it was measured and published before the plant was armed in lockstep.
-    start: Option<Measurement>,
+    /// Readings of the last sample.
+    pub measured: Measurement,
+    /// Whether these are of sample 0, published before the plant was armed in lockstep.
+    is_start_measured: bool,
     /// The load from the sample before to this one.
     held: Load,
-    /// Readings of the last sample that the protocol does not carry, for the exciter in the same loop.
-    pub more: Readings,
 }
 
 impl<'a> Bench<'a> {
@@ -74,9 +74,9 @@ impl<'a> Bench<'a> {
             controller: ControllerState::Active,
             round_trips: None,
             samples: 0,
-            start: None,
+            measured: Measurement::default(),
+            is_start_measured: false,
             held: Load::default(),
-            more: Readings::NONE,
         }
     }
 
@@ -91,9 +91,9 @@ impl<'a> Bench<'a> {
             first_refused_frame: self.first_refused_frame,
             controller: self.controller,
             samples: self.samples,
-            start: self.start,
+            measured: self.measured,
+            is_start_measured: self.is_start_measured,
             held: self.held,
-            more: self.more,
             ..Bench::new(plant, node, self.steps_per_sample, records, None, Box::new(|_| {}))
         }
     }
@@ -303,34 +303,31 @@ impl<'a> Bench<'a> {
     /// Measures the sample, records and publishes it. A sample that [`Bench::publish_start`] has measured is published
     /// again.
     pub fn measure(&mut self) -> Result<(), RunError> {
-        let measurement = self.measurement();
-        self.publish(&measurement)
+        if !core::mem::take(&mut self.is_start_measured) {
+            self.measure_and_record();
+        }
+        self.publish()
     }
 
-    /// Returns the readings of the sample, recorded when they are measured.
-    fn measurement(&mut self) -> Measurement {
-        if let Some(start) = self.start.take() {
-            return start;
-        }
-        let measurement = self.plant.measure();
-        self.more = measurement.more;
+    fn measure_and_record(&mut self) {
+        self.measured = self.plant.measure();
         self.samples += 1;
-        self.record(&Record::Sample(sample_record(&measurement)));
-        measurement
+        self.record(&Record::Sample(sample_record(&self.measured)));
     }
 
     /// Publishes sample 0 while nobody has armed the plant. It is measured and recorded once.
     pub fn publish_start(&mut self) -> Result<(), RunError> {
-        let measurement = self.measurement();
-        // Kept for `measure`: a second reading would advance converters and noise, and the run would differ from one
-        // whose plant was armed at once.
-        self.start = Some(measurement);
-        self.publish(&measurement)
+        // A second reading would advance converters and noise, and the run would differ from one whose plant was armed
+        // at once.
+        if !core::mem::replace(&mut self.is_start_measured, true) {
+            self.measure_and_record();
+        }
+        self.publish()
     }
 
-    fn publish(&mut self, measurement: &Measurement) -> Result<(), RunError> {
-        let (states, travel_m) = (self.plant.states(), self.plant.travel_m());
-        Ok(self.node.publish(&PublishedSample { measurement, states, travel_m })?)
+    fn publish(&mut self) -> Result<(), RunError> {
+        let (states, travel_m) = (self.plant.states(), self.plant.limited_travel_m());
+        Ok(self.node.publish(&PublishedSample { measurement: &self.measured, states, travel_m })?)
     }
 
     /// Advances to the next sample with the command that is held now, and records the state before. If the simulation

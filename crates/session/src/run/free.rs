@@ -83,7 +83,7 @@ impl<C: Clock> Free<'_, '_, '_, C> {
         self.bench.measure()?;
         // A frame arrives at once on this bus, so these readings belong to the frames of this sample.
         if self.hands_over {
-            self.exciter.carried_mut().hand_over(self.bench.more);
+            self.exciter.carried_mut().hand_over(&self.bench.measured.more);
         }
         self.exchange()?;
         self.responses.extend(core::iter::from_fn(|| {
@@ -151,9 +151,6 @@ impl<C: Clock> Free<'_, '_, '_, C> {
                 }
                 self.exciter.bus_lost(now_ns);
             }
-            if let Some((index, load)) = self.exciter.answering_load().filter(|_| self.hands_over) {
-                self.bench.node.hand_over(index, &load);
-            }
             self.bench.receive(now_ns, self.near)?;
             self.bench.handle_deadline(now_ns);
             let before = core::mem::replace(&mut moved, self.moved());
@@ -165,13 +162,21 @@ impl<C: Clock> Free<'_, '_, '_, C> {
 
     /// Lets the exciter process incoming frames, and sends its frames.
     fn answer(&mut self, now_ns: u64) -> Result<(), BusError> {
+        let mut has_heard = false;
         while let Some(received) = self.far.receive()? {
+            has_heard = true;
             let refused = self.exciter.frames().refused;
             self.exciter.handle_frame(now_ns, &received.frame);
             if self.exciter.frames().refused > refused {
                 let sample = self.exciter.samples_played();
                 self.first_refused.get_or_insert(RefusedFrame { sample, frame: received.frame });
             }
+        }
+        if has_heard
+            && self.hands_over
+            && let Some((index, load)) = self.exciter.answering_load()
+        {
+            self.bench.node.hand_over(index, &load);
         }
         while let Some(frame) = self.exciter.next_frame() {
             if self.far.send(&frame)? == Sent::QueueFull {

@@ -54,7 +54,7 @@ impl Session {
             return self.exciter_node(converter);
         }
         let mut node = self.unchecked_exciter_node(converter)?;
-        node.carried_mut().hand_over(Readings::NONE);
+        node.carried_mut().hand_over(&Readings::NONE);
         match self.commanded_amplitude().and_then(|amplitude| self.plant.inputs().lacks(amplitude)) {
             Some((place, got)) => Err(ScenarioError::IdleLoad { name: Load::NAMES[place], got }.into()),
             None => Ok(node),

@@ -157,7 +157,7 @@ impl Rig {
         };
         let states = [1e-6, 2e-6, 3e-6, 4e-6];
         let sample =
-            PublishedSample { measurement: &measurement, states: &States::new(&states, &[]).unwrap(), travel_m: 0.0 };
+            PublishedSample { measurement: &measurement, states: &States::new(&states, &[]).unwrap(), travel_m: None };
         self.node.publish(&sample).unwrap();
         self.sample += 1;
         self.transmit();

@@ -348,8 +348,11 @@ impl Plant {
     fn publish(&mut self) {
         self.sample += 1;
         let measurement = Measurement { sample: self.sample, ..Measurement::default() };
-        let sample =
-            PublishedSample { measurement: &measurement, states: &States::new(&[0.0; 4], &[]).unwrap(), travel_m: 0.0 };
+        let sample = PublishedSample {
+            measurement: &measurement,
+            states: &States::new(&[0.0; 4], &[]).unwrap(),
+            travel_m: None,
+        };
         self.node.publish(&sample).unwrap();
         let mut frames = Vec::new();
         self.node.waiting_frames(64, &mut frames);

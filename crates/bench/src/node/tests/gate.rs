@@ -45,7 +45,7 @@ impl Driven {
         self.plant.handle_deadline(self.now_ns);
         let load = self.plant.load();
         let measurement = Measurement { sample: self.sample, ..Measurement::default() };
-        self.plant.publish(&PublishedSample { travel_m, ..PublishedSample::of(&measurement) }).unwrap();
+        self.plant.publish(&PublishedSample { travel_m: Some(travel_m), ..PublishedSample::of(&measurement) }).unwrap();
         while self.plant.poll_transmit().is_some() {}
         load
     }

@@ -203,7 +203,7 @@ impl Device for PlantDevice {
             let published = PublishedSample {
                 measurement: &measurement,
                 states: &States::new(&[0.0; 4], &[]).unwrap(),
-                travel_m: 0.0,
+                travel_m: None,
             };
             self.node.publish(&published).unwrap();
             self.sample += 1;

@@ -85,7 +85,7 @@ impl Bench {
         let sample = PublishedSample {
             measurement: &measurement,
             states: &States::new(&self.states, &[]).unwrap(),
-            travel_m: 0.0,
+            travel_m: None,
         };
         self.node.publish(&sample).unwrap();
         self.events.extend(core::iter::from_fn(|| self.node.poll_event()));

@@ -127,8 +127,11 @@ fn positions_are_counts_of_the_motor_and_are_limited_and_counted() {
     assert_eq!(bench.node.frames().limited_values, 1);
     bench.states = alloc::vec![f64::NAN, 0.0, 0.0, 0.0];
     let measurement = Measurement::default();
-    let sample =
-        PublishedSample { measurement: &measurement, states: &States::new(&bench.states, &[]).unwrap(), travel_m: 0.0 };
+    let sample = PublishedSample {
+        measurement: &measurement,
+        states: &States::new(&bench.states, &[]).unwrap(),
+        travel_m: None,
+    };
     assert!(matches!(bench.node.publish(&sample), Err(PublishError::NotFinite { name, .. }) if name == "alpha1_rad"));
 }
 

@@ -128,7 +128,7 @@ impl Pair {
             .publish(&PublishedSample {
                 measurement: &measurement,
                 states: &States::new(&states, &[]).unwrap(),
-                travel_m: 0.0,
+                travel_m: None,
             })
             .unwrap();
         self.exchange();

@@ -35,7 +35,7 @@ fn a_reading_that_is_no_number_is_an_error() {
     let mut rig = Rig::new();
     let reading = Reading { value: f64::NAN, clipped: false };
     let measurement = Measurement { head_force_n: [reading; 2], ..Measurement::default() };
-    let sample = PublishedSample { measurement: &measurement, states: &States::NONE, travel_m: 0.0 };
+    let sample = PublishedSample { measurement: &measurement, states: &States::NONE, travel_m: None };
     let error = rig.node.publish(&sample).unwrap_err();
     assert!(matches!(error, PublishError::NotFinite { name, .. } if name == "head_force_x_n"), "{error}");
 }
@@ -84,7 +84,7 @@ fn a_frame_that_waits_is_sent_with_the_newest_values() {
     let mut rig = Rig::new();
     let sample = |sample| Measurement { sample, ..Measurement::default() };
     for index in 0..3 {
-        let published = PublishedSample { measurement: &sample(index), states: &States::NONE, travel_m: 0.0 };
+        let published = PublishedSample { measurement: &sample(index), states: &States::NONE, travel_m: None };
         rig.node.publish(&published).unwrap();
     }
     rig.transmit();
@@ -101,7 +101,7 @@ fn a_jammed_bus_is_a_fault() {
         rig.send(DRIVE, 10, true);
         rig.node.handle_deadline(rig.now_ns);
         let measurement = Measurement { sample: index, ..Measurement::default() };
-        let sample = PublishedSample { measurement: &measurement, states: &States::NONE, travel_m: 0.0 };
+        let sample = PublishedSample { measurement: &measurement, states: &States::NONE, travel_m: None };
         rig.node.publish(&sample).unwrap();
     }
     assert_eq!(rig.node.latched_fault().unwrap().code, EmergencyCode::BusLoss);
