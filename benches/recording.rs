@@ -273,7 +273,7 @@ fn bench_run() -> Option<(tempfile::TempDir, std::path::PathBuf, u64)> {
     let scenario = Scenario::parse(include_str!("../scenarios/bench.toml"), "bench.toml").ok()?;
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
     let options = run::Options { record, ..Default::default() };
-    Session::new(scenario, Mode::Free, options).ok()?.both(&Signals::default(), |_| {}).ok()?;
+    Session::new(scenario, Mode::Free, options).ok()?.both(&Signals::default(), &mut |_| {}).ok()?;
     let simulated_s = Recording::open(&path).ok()?.summary().duration_s as u64;
     Some((folder, path, simulated_s))
 }

@@ -41,7 +41,7 @@ fn vibration_rad(gain_n_s_m: f64) -> Result<f64, Box<dyn Error>> {
         let record =
             Some(resonarm::run::RecordTo { path: path.clone(), existing: resonarm::recording::Existing::Refuse });
         let session = Session::new(scenario, Mode::Lockstep, Options { record, ..Options::default() })?;
-        let report = session.plant(&mut near, &Signals::default(), |_event| {})?;
+        let report = session.plant(&mut near, &Signals::default(), &mut |_event| {})?;
         controller.join().map_err(|_panic| "the controller panicked")??;
         assert_eq!(report.bus.refused, 0);
         let recording = resonarm::recording::Recording::open(&path)?;

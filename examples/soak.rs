@@ -56,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         });
         // The plant's thread becomes a real-time one; the watching thread starts before it.
-        let run = scope.spawn(|| session.both(&Signals::default(), |_event| {}));
+        let run = scope.spawn(|| session.both(&Signals::default(), &mut |_event| {}));
         let report = run.join();
         ended.store(true, Ordering::Release);
         report

@@ -219,7 +219,7 @@ pub fn run_both<'py>(
 ) -> PyResult<BothDocuments<'py>> {
     let (session, raised) = how.session(scenario, controller, structure)?;
     let signals = Signals::default();
-    let report = watched(py, &|| signals.stop(), || session.both(&signals, |_event| {}))?;
+    let report = watched(py, &|| signals.stop(), || session.both(&signals, &mut |_event| {}))?;
     taken(&raised).map_or(Ok(()), Err)?;
     let BothReport { plant, exciter } = report.map_err(errors::run)?;
     let documents = (values::document(py, &plant)?, values::document(py, &ExciterDocument::from(&exciter))?);
@@ -298,7 +298,7 @@ impl NodeRun {
         let work: Box<dyn FnOnce() -> Result<Report, RunError> + Send> = match role {
             "plant" => Box::new(move || {
                 // A full queue loses events; the recording has them.
-                let report = session.plant(bus.as_mut(), &watched, |event| _ = sender.try_send(event))?;
+                let report = session.plant(bus.as_mut(), &watched, &mut |event| _ = sender.try_send(event))?;
                 Ok(Report::Plant(Box::new(report)))
             }),
             _ => Box::new(move || {

@@ -113,7 +113,7 @@ impl Demo {
         let shown_role = ShownRole::new(Role::PlantAndExciter, "a bus in memory", session.interface_of_both());
         let (session, serving) = self.live.watched(session, &shown_role)?;
         let mut status = Status::new(Style::People { every: None });
-        let work = move |signals: &Signals| (session.both(signals, |_| {}), signals.is_stopped());
+        let work = move |signals: &Signals| (session.both(signals, &mut |_| {}), signals.is_stopped());
         let (report, is_stopped) = supervise("plant", length, |line, signals| status.write(line, signals), work)?;
         let verdict = self.conclude(&scenario, &control, report?)?;
         // The demo takes less than a minute: who looks at it wants to go on looking.

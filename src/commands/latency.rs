@@ -174,7 +174,7 @@ impl Latency {
             bare_wakeups(&SystemClock, rate, spin.map_or(0, |choice| choice.spin_ns()), ticks, &mut latencies);
             Ok::<_, RunError>((report, latencies))
         })??;
-        let plant = on_a_thread("plant", || session.both(&Signals::default(), |_event| {}))??.plant;
+        let plant = on_a_thread("plant", || session.both(&Signals::default(), &mut |_event| {}))??.plant;
         *got = bare.0;
         if let Some(error) = plant.error {
             return Err(error.into());

@@ -180,7 +180,7 @@ impl Run {
         };
         let work = move |signals: &Signals| {
             // If the ring is full, events are missing from the log, but not from the recording.
-            let mut report = session.plant(bus.as_mut(), signals, |event| _ = event_sender.push(event))?;
+            let mut report = session.plant(bus.as_mut(), signals, &mut |event| _ = event_sender.push(event))?;
             // The bus is closed in any case. An error of the run takes precedence over one on closing.
             report.error = report.error.take().or(bus.close().err().map(RunError::from));
             Ok::<_, RunError>(report)
@@ -209,7 +209,7 @@ impl Run {
         let shown_role = ShownRole { json: self.json_events, steered, ..shown_role };
         let (session, _serving) = self.live.watched(session, &shown_role)?;
         let mut status = self.status()?;
-        let work = move |signals: &Signals| session.both(signals, |_| {});
+        let work = move |signals: &Signals| session.both(signals, &mut |_| {});
         let report = supervise("plant", length, |line, signals| status.write(line, signals), work)??;
         self.conclude(configuration, report.plant, Some(&report.exciter))
     }

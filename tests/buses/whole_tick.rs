@@ -110,7 +110,7 @@ pub fn takes_no_memory((plant_end, mut exciter_end): Pair, profile: &str) {
     let mut bus = Looking { bus: plant_end, sends: 0, at_first: 0, changed_at: None };
     let (plant, exciter) = std::thread::scope(|scope| {
         let exciter = scope.spawn(|| session(None).exciter(&mut *exciter_end, &Signals::default()).unwrap());
-        (plant.plant(&mut bus, &Signals::default(), |_| {}).unwrap(), exciter.join().unwrap())
+        (plant.plant(&mut bus, &Signals::default(), &mut |_| {}).unwrap(), exciter.join().unwrap())
     });
     assert_eq!((plant.outcome, exciter.outcome), (PlantOutcome::Disarmed, Some(ExciterOutcome::Finished)), "{plant:?}");
     let recording = plant.recording.as_ref().unwrap();

@@ -54,7 +54,7 @@ fn a_free_run_made_again_is_the_recorded_one() {
         let again = folder.path().join(path.file_name().unwrap());
         let record = Some(RecordTo { path: again.clone(), existing: Existing::Refuse });
         let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
-        session.both(&Signals::default(), |_| {}).unwrap();
+        session.both(&Signals::default(), &mut |_| {}).unwrap();
         let again = Recording::open(&again).unwrap();
         assert_eq!(again.configuration(), recording.configuration(), "{}", path.display());
         let (mut recorded, mut simulated) = (recording.records().unwrap(), again.records().unwrap());

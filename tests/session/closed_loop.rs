@@ -12,7 +12,7 @@ const WALK: &str = "[control]\nlaw = 'phase-walk'\namplitude = { joint1 = 10.0 }
 
 fn both(text: &str, mode: Mode) -> BothReport {
     let session = Session::new(Scenario::parse(text, "test").unwrap(), mode, Options::default()).unwrap();
-    session.both(&Signals::default(), |_event| {}).unwrap()
+    session.both(&Signals::default(), &mut |_event| {}).unwrap()
 }
 
 #[test]
@@ -74,7 +74,7 @@ fn a_controller_of_one_s_own_needs_no_excitation() {
         let scenario = Scenario::parse("structure = { initial = [1e-4, 0, 0, 0] }", "test").unwrap();
         let session = Session::new(scenario, mode, Options::default()).unwrap();
         let session = session.with_controller(|| Box::new(Damper::default()));
-        let report = session.both(&Signals::default(), |_event| {}).unwrap();
+        let report = session.both(&Signals::default(), &mut |_event| {}).unwrap();
         assert_eq!(
             (report.exciter.outcome, report.exciter.samples_played),
             (Some(ExciterOutcome::Finished), 2001),

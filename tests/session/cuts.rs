@@ -34,7 +34,7 @@ fn cuts_of_every_kind_of_run_are_simulated_again() {
         let record = Some(RecordTo { path: whole.clone(), existing: Existing::Refuse });
         let scenario = Scenario::parse(&text, "test").unwrap();
         let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
-        assert!(session.both(&Signals::default(), |_event| {}).unwrap().plant.error.is_none());
+        assert!(session.both(&Signals::default(), &mut |_event| {}).unwrap().plant.error.is_none());
         let whole = Recording::open(&whole).unwrap();
         let readings: Vec<_> = whole.samples().unwrap().map(Result::unwrap).collect();
         let (_, last) = whole.summary().samples.unwrap();
@@ -75,7 +75,7 @@ fn the_readings_of_a_cut_are_simulated_again() {
     let record = Some(RecordTo { path: path("whole.mcap"), existing: Existing::Refuse });
     let scenario = Scenario::parse(CONDITIONED, "test").unwrap();
     let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
-    assert!(session.both(&Signals::default(), |_event| {}).unwrap().plant.error.is_none());
+    assert!(session.both(&Signals::default(), &mut |_event| {}).unwrap().plant.error.is_none());
     let open = |name: &str| Recording::open(path(name)).unwrap();
     let identical = |name: &str, samples: u64| {
         let verdict = resimulate_readings(&open(name)).unwrap();
@@ -106,7 +106,7 @@ fn a_cut_of_a_run_in_voltage_mode_is_simulated_again() {
     let record = Some(RecordTo { path: whole.clone(), existing: Existing::Refuse });
     let scenario = Scenario::parse(text, "test").unwrap();
     let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
-    assert!(session.both(&Signals::default(), |_event| {}).unwrap().plant.error.is_none());
+    assert!(session.both(&Signals::default(), &mut |_event| {}).unwrap().plant.error.is_none());
     let whole = Recording::open(&whole).unwrap();
     assert!(resimulate(&whole).unwrap().identical);
     cut::cut(&whole, 203..=311, &part, Existing::Refuse).unwrap();

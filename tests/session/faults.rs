@@ -18,7 +18,7 @@ const FAULTS: &str = "[[rig.faults]]\ninstrument = 'c'\naxis = 'x'\nkind = 'stuc
 fn run(text: &str, mode: Mode, path: &Path) -> (Vec<SampleRecord>, bool) {
     let record = Some(RecordTo { path: path.to_path_buf(), existing: Existing::Overwrite });
     let session = Session::new(Scenario::parse(text, "test").unwrap(), mode, Options { record, ..Options::default() });
-    let report = session.unwrap().both(&Signals::default(), |_event| {}).unwrap();
+    let report = session.unwrap().both(&Signals::default(), &mut |_event| {}).unwrap();
     assert!(report.plant.error.is_none(), "{:?}", report.plant.error);
     let recording = Recording::open(path).unwrap();
     let samples = recording.samples().unwrap().map(|sample| sample.unwrap()).collect();

@@ -55,7 +55,7 @@ profile = {{ waveform = "dwell", frequency_hz = 19.0, duration_s = 0.2, settle_s
 fn both(scenario: Scenario, mode: Mode, record: Option<&Path>) -> BothReport {
     let record = record.map(|path| RecordTo { path: path.to_owned(), existing: Existing::Overwrite });
     let session = Session::new(scenario, mode, Options { record, ..Options::default() }).unwrap();
-    session.both(&Signals::default(), |_event| {}).unwrap()
+    session.both(&Signals::default(), &mut |_event| {}).unwrap()
 }
 
 fn recorded(scenario: Scenario, mode: Mode, name: &str) -> (BothReport, PathBuf) {

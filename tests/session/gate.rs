@@ -21,7 +21,7 @@ fn run(text: &str, mode: Mode, path: &Path) -> (PlantReport, Vec<Moment>) {
     let scenario = Scenario::parse(text, "test").unwrap();
     let assembly = scenario.under_test().unwrap().assembly;
     let session = Session::new(scenario, mode, Options { record, ..Options::default() });
-    let report = session.unwrap().both(&Signals::default(), |_event| {}).unwrap().plant;
+    let report = session.unwrap().both(&Signals::default(), &mut |_event| {}).unwrap().plant;
     let recording = Recording::open(path).unwrap();
     assert!(resimulate(&recording).unwrap().identical);
     let tip = ["tip.x", "tip.y"].map(|name| assembly.dof(name).unwrap());
@@ -83,7 +83,7 @@ fn in_lockstep_a_refused_command_ends_with_its_reason_at_both_ends() {
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Overwrite });
     let scenario = Scenario::parse(text, "test").unwrap();
     let session = Session::new(scenario, Mode::Lockstep, Options { record, ..Options::default() }).unwrap();
-    let report = session.both(&Signals::default(), |_event| {}).unwrap();
+    let report = session.both(&Signals::default(), &mut |_event| {}).unwrap();
     let of_plant = fault_text(&report.plant.emergency.unwrap(), None, report.plant.partner_fault.as_ref(), None);
     let of_exciter = ExciterEnd::from(&report.exciter).reason.unwrap();
     for text in [&of_plant, &of_exciter] {

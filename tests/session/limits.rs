@@ -15,7 +15,7 @@ const TORQUE_WALK: &str =
 /// How the exciter's work ended, with the plant's outcome.
 fn ended(text: &str, mode: Mode) -> (ExciterOutcome, run::PlantOutcome) {
     let session = Session::new(Scenario::parse(text, "test").unwrap(), mode, Options::default()).unwrap();
-    let report = session.both(&Signals::default(), |_event| {}).unwrap();
+    let report = session.both(&Signals::default(), &mut |_event| {}).unwrap();
     (report.exciter.outcome.unwrap(), report.plant.outcome)
 }
 

@@ -19,7 +19,7 @@ fn is_never_failed(tested: Node) {
     let (signals, is_over) = (Signals::default(), AtomicBool::new(false));
     let findings: Vec<(&str, Finding)> = thread::scope(|scope| {
         scope.spawn(|| match tested {
-            Node::Plant => drop(session.plant(&mut far, &signals, |_event| {}).unwrap()),
+            Node::Plant => drop(session.plant(&mut far, &signals, &mut |_event| {}).unwrap()),
             // It is started again whenever it has ended.
             Node::Exciter => {
                 while !is_over.load(Ordering::Relaxed) {

@@ -46,7 +46,7 @@ fn run(text: &str, path: &Path) -> (Recording, Vec<SampleRecord>, Vec<StateRecor
     let record = Some(RecordTo { path: path.to_path_buf(), existing: Existing::Overwrite });
     let options = Options { record, ..Options::default() };
     let session = Session::new(Scenario::parse(text, "test").unwrap(), Mode::Free, options).unwrap();
-    let report = session.both(&Signals::default(), |_event| {}).unwrap();
+    let report = session.both(&Signals::default(), &mut |_event| {}).unwrap();
     assert!(report.plant.error.is_none(), "{:?}", report.plant.error);
     let recording = Recording::open(path).unwrap();
     let samples = recording.samples().unwrap().map(|sample| sample.unwrap()).collect();

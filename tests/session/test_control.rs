@@ -21,7 +21,7 @@ fn example(name: &str) -> PathBuf {
 fn both(scenario: Scenario, mode: Mode, path: Option<&Path>) -> BothReport {
     let record = path.map(|path| RecordTo { path: path.to_path_buf(), existing: Existing::Overwrite });
     let session = Session::new(scenario, mode, Options { record, ..Options::default() }).unwrap();
-    session.both(&Signals::default(), |_event| {}).unwrap()
+    session.both(&Signals::default(), &mut |_event| {}).unwrap()
 }
 
 /// Each example finishes, its recording holds the specification, and it repeats bit for bit. One of them runs in lockstep, where

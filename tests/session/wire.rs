@@ -30,7 +30,7 @@ fn scenario(rate_hz: u32, data_bit_rate_hz: u32, steps: u32, dwell_s: f64) -> Sc
 fn both(scenario: &Scenario, mode: Mode, path: &Path) -> BothReport {
     let record = Some(RecordTo { path: path.to_path_buf(), existing: Existing::Overwrite });
     let session = Session::new(scenario.clone(), mode, Options { record, ..Options::default() }).unwrap();
-    session.both(&Signals::default(), |_event| {}).unwrap()
+    session.both(&Signals::default(), &mut |_event| {}).unwrap()
 }
 
 /// How often a command answered the last sample, the one before …, and the bits of all frames.
@@ -110,7 +110,7 @@ fn in_lockstep_frames_take_their_time_by_the_clock_and_change_no_reading() {
 fn what_a_bus_can_not_be_made_to_do_is_refused() {
     let mut scenario = scenario(1000, 2_000_000, 1, 1.5);
     let real_time = Session::new(scenario.clone(), Mode::RealTime, Options::default()).unwrap();
-    let error = real_time.both(&Signals::default(), |_event| {}).unwrap_err();
+    let error = real_time.both(&Signals::default(), &mut |_event| {}).unwrap_err();
     insta::assert_snapshot!(error, @"network.bit_rate_hz is 1000000, but in real time plant and exciter of one process share a bus in memory, on which frames take no time; leave it out, or use the mode free or lockstep");
     scenario.network.bit_error_rate = Some(1e-6);
     let says = |mode| Session::new(scenario.clone(), mode, Options::default()).unwrap_err().to_string();

@@ -42,7 +42,7 @@ fn scenario(text: &str) -> Scenario {
 fn both(scenario: &Scenario, mode: Mode, path: &Path) -> BothReport {
     let record = Some(RecordTo { path: path.to_path_buf(), existing: Existing::Overwrite });
     let session = Session::new(scenario.clone(), mode, Options { record, ..Options::default() }).unwrap();
-    session.both(&Signals::default(), |_event| {}).unwrap()
+    session.both(&Signals::default(), &mut |_event| {}).unwrap()
 }
 
 /// The run's states; it has ended in order, and is simulated again with the same bits.
@@ -102,7 +102,7 @@ fn in_lockstep_a_controller_that_waits_for_a_reading_starts_and_gets_the_free_bi
         let options = Options { record, end_on_disarm: true, ..Options::default() };
         let session = Session::new(scenario, Mode::Lockstep, options).unwrap();
         let report = thread::scope(|scope| {
-            let plant = scope.spawn(|| session.plant(&mut near, &Signals::default(), |_| {}).unwrap());
+            let plant = scope.spawn(|| session.plant(&mut near, &Signals::default(), &mut |_| {}).unwrap());
             assert!(far.wait(Duration::from_secs(60)).unwrap(), "no reading before the plant is armed");
             let exciter = session.exciter(&mut far, &Signals::default()).unwrap();
             BothReport { plant: plant.join().unwrap(), exciter }
@@ -188,7 +188,7 @@ fn another_controller_has_no_responses(scenario: &Scenario, path: &Path) {
     let session = Session::new(scenario.clone(), Mode::Free, Options { record, ..Options::default() }).unwrap();
     let other = bench(DWELL);
     let session = session.with_controller(move || other.controller().unwrap());
-    session.both(&Signals::default(), |_event| {}).unwrap();
+    session.both(&Signals::default(), &mut |_event| {}).unwrap();
     let said = replay::responses(&Recording::open(path).unwrap()).unwrap_err();
     assert!(matches!(said, ReplayError::Command { .. }), "{said}");
 }
@@ -259,7 +259,7 @@ fn what_the_wire_lacks_is_refused_before_anything_is_written() {
     let said = |scenario: Scenario| {
         let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
         let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
-        let error: RunError = session.both(&Signals::default(), |_event| {}).unwrap_err();
+        let error: RunError = session.both(&Signals::default(), &mut |_event| {}).unwrap_err();
         assert!(!path.exists());
         error.to_string()
     };

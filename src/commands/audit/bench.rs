@@ -214,7 +214,7 @@ impl AuditBench {
                 (scenario.control, scenario.excitation) = (controller.control, controller.excitation);
                 scenario.limits = controller.limits;
                 let session = Session::new(scenario, Mode::Free, options)?;
-                let report = session.both(&RunSignals::default(), |_| {})?;
+                let report = session.both(&RunSignals::default(), &mut |_| {})?;
                 // A run may end before the controller does.
                 let end = ExciterEnd::of_controller(&report.exciter);
                 ended_by = end.reason.filter(|_| end.outcome != "plant-left");
@@ -243,7 +243,7 @@ impl AuditBench {
                 };
                 let words: Vec<String> = words.iter().map(replaced).collect();
                 let started = Started::new(&words, &printed)?;
-                let ran = session.plant(opened.as_mut(), &RunSignals::default(), |_| {});
+                let ran = session.plant(opened.as_mut(), &RunSignals::default(), &mut |_| {});
                 started.end();
                 ran?;
                 opened.close()?;

@@ -113,7 +113,7 @@ impl WalkExperiment {
         let length = session.controller()?.length();
         let _reader = self.record.as_deref().map(wait_for_reader).transpose()?;
         let work = move |signals: &Signals| {
-            let report = session.both(signals, |_| {})?;
+            let report = session.both(signals, &mut |_| {})?;
             Ok::<_, RunError>((ExciterEnd::of(report.exciter_outcome(signals).as_ref()), report))
         };
         let (done, wall_s) = timed(|| supervise("walk", length, |_, _| {}, work));

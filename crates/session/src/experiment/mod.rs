@@ -33,7 +33,7 @@ pub struct Measured {
 pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> Result<Measured, RunError> {
     let session = session(scenario, control)?;
     let rate_hz = scenario.simulation.rate_hz;
-    let report = session.both(signals, |_| {})?;
+    let report = session.both(signals, &mut |_| {})?;
     let outcome = report.exciter_outcome(signals);
     match report.plant.error.or(report.exciter.error) {
         Some(error) => Err(error),

@@ -137,10 +137,10 @@ impl DifferenceKind {
 /// [`ReplayError::AgainstDrives`] if the recording is of CANopen drives, [`ReplayError::AgainstLoad`] if its load is one
 /// that no frame carries, [`ReplayError::NoController`] if no controller is heard, [`ReplayError::Empty`] if the recording
 /// has no commands, and [`ReplayError`] if the speed is impossible, or recording or bus fail.
-pub fn play_against<C: Clock>(
+pub fn play_against(
     recording: &Recording,
     bus: &mut dyn Bus,
-    clock: &C,
+    clock: &dyn Clock,
     regression: Regression,
     signals: &Signals,
 ) -> Result<Compared, ReplayError> {
@@ -270,16 +270,16 @@ impl Controller for Live {
 }
 
 /// A test that is running, with what it compares.
-struct Test<'a, C, L> {
+struct Test<'a, L> {
     bus: &'a mut dyn Bus,
-    clock: &'a C,
+    clock: &'a dyn Clock,
     regression: Regression,
     signals: &'a Signals,
     live: L,
     compared: Compared,
 }
 
-impl<C: Clock> Test<'_, C, Live> {
+impl Test<'_, Live> {
     /// Waits until the controller has caught up with this message of the recorded one, and compares.
     fn expect(&mut self, sample: u64, message: Message) -> Result<ControlFlow<()>, ReplayError> {
         let (done, missing) = match message {
@@ -308,7 +308,7 @@ impl<C: Clock> Test<'_, C, Live> {
     }
 }
 
-impl<C: Clock, L: Controller> Test<'_, C, L> {
+impl<L: Controller> Test<'_, L> {
     /// Sends the plant's frames in their order, and lets `expect` wait at each frame of the recorded controller.
     fn run(
         &mut self,

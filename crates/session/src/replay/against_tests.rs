@@ -91,7 +91,7 @@ fn record(path: &Path) -> Recording {
         Recorder::create(path, &scenario.configuration("free").unwrap(), Options::virtual_time(1e-3, "none")).unwrap();
     let options = crate::run::Options { end_on_disarm: true, ..Default::default() };
     let session = Session::new(scenario, Mode::Free, options).unwrap();
-    session.free(Some(recorder), &Signals::default(), |_| {}).unwrap();
+    session.free(Some(recorder), &Signals::default(), &mut |_| {}).unwrap();
     Recording::open(path).unwrap()
 }
 

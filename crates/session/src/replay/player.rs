@@ -79,10 +79,10 @@ pub struct Played {
 /// # Errors
 /// [`ReplayError`] if the speed is impossible, there are no such frames, an identifier can't take a frame, or recording
 /// or bus fail.
-pub fn play<C: Clock>(
+pub fn play(
     recording: &Recording,
     bus: &mut dyn Bus,
-    clock: &C,
+    clock: &dyn Clock,
     playback: &Playback,
     signals: &Signals,
 ) -> Result<Played, ReplayError> {
@@ -114,13 +114,13 @@ pub(super) fn due_ns(start_ns: u64, recorded_ns: u64, speed: f64) -> u64 {
     if speed == 0.0 { start_ns } else { start_ns.saturating_add((recorded_ns as f64 / speed) as u64) }
 }
 
-struct Player<'a, C> {
+struct Player<'a> {
     bus: &'a mut dyn Bus,
-    clock: &'a C,
+    clock: &'a dyn Clock,
     signals: &'a Signals,
 }
 
-impl<C: Clock> Player<'_, C> {
+impl Player<'_> {
     /// Plays the recording once and returns its length with the sample period behind it, ns, or `None` if there is
     /// nothing to play or a stop was requested before.
     fn pass(

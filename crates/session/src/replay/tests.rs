@@ -22,7 +22,7 @@ fn record(path: &Path, simulated: &str, stated: &str) -> Recording {
         Recorder::create(path, &stated.configuration("free").unwrap(), Options::virtual_time(1e-3, "none")).unwrap();
     let options = crate::run::Options { end_on_disarm: true, ..Default::default() };
     let session = Session::new(simulated, Mode::Free, options).unwrap();
-    let report = session.free(Some(recorder), &Signals::default(), |_| {}).unwrap();
+    let report = session.free(Some(recorder), &Signals::default(), &mut |_| {}).unwrap();
     assert!(report.plant.error.is_none(), "{report:?}");
     Recording::open(path).unwrap()
 }
@@ -34,7 +34,7 @@ fn responses_are_read_again() {
     let path = folder.path().join("same.mcap");
     let again = responses(&record(&path, SCENARIO, SCENARIO)).unwrap();
     let session = Session::new(Scenario::parse(SCENARIO, "test").unwrap(), Mode::Free, Default::default()).unwrap();
-    let read = session.both(&Signals::default(), |_| {}).unwrap().exciter.responses;
+    let read = session.both(&Signals::default(), &mut |_| {}).unwrap().exciter.responses;
     assert_eq!((&again, again.len()), (&read, 1));
     let stated = SCENARIO.replace("22.1", "22.2");
     let error = responses(&record(&folder.path().join("other.mcap"), SCENARIO, &stated)).unwrap_err();

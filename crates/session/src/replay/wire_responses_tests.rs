@@ -48,7 +48,7 @@ fn commanded(folder: &Path, scale: f64) -> Recording {
         Recorder::create(&plain, &scenario.configuration("free").unwrap(), Options::virtual_time(1e-3, "none"));
     let options = crate::run::Options { end_on_disarm: true, ..Default::default() };
     let session = Session::new(scenario.clone(), Mode::Free, options).unwrap();
-    session.free(Some(recorder.unwrap()), &Signals::default(), |_| {}).unwrap();
+    session.free(Some(recorder.unwrap()), &Signals::default(), &mut |_| {}).unwrap();
     let stated = Scenario::parse(&format!("{DWELL}{DRIVES}"), "test").unwrap();
     let path = folder.join(format!("{scale}.mcap"));
     let recorder =
@@ -82,7 +82,7 @@ fn commanded(folder: &Path, scale: f64) -> Recording {
 fn a_master_that_played_the_excitation_has_the_responses_of_the_controller() {
     let folder = tempfile::tempdir().unwrap();
     let session = Session::new(Scenario::parse(DWELL, "test").unwrap(), Mode::Free, Default::default()).unwrap();
-    let expected = session.both(&Signals::default(), |_| {}).unwrap().exciter.responses;
+    let expected = session.both(&Signals::default(), &mut |_| {}).unwrap().exciter.responses;
     let read = responses(&commanded(folder.path(), 1.0)).unwrap();
     let [read] = &read[..] else { panic!("{read:?}") };
     let [expected] = &expected[..] else { panic!("{expected:?}") };

@@ -13,7 +13,7 @@
 //! # drop(controller);
 //! let options = Options { patience: Some(std::time::Duration::from_millis(10)), ..Options::default() };
 //! let session = Session::new(Scenario::default(), Mode::Lockstep, options)?;
-//! let report = session.plant(&mut plant, &Signals::default(), |event| println!("{event:?}"))?;
+//! let report = session.plant(&mut plant, &Signals::default(), &mut |event| println!("{event:?}"))?;
 //! assert_eq!(report.outcome, PlantOutcome::NotArmed); // nobody holds the other end
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

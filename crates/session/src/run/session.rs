@@ -282,12 +282,12 @@ impl Session {
         &self,
         bus: &mut dyn Bus,
         signals: &Signals,
-        mut on_event: impl FnMut(RunEvent),
+        on_event: &mut dyn FnMut(RunEvent),
     ) -> Result<PlantReport, RunError> {
         self.check_fd(Node::Plant, bus)?;
         self.leave_core();
         let recorder = self.recorder(&bus.name())?;
-        let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let mut bench = self.bench(recorder.as_ref(), on_event)?;
         let bus = &mut self.with_faults(bus, SystemClock, Node::Plant);
         if self.mode == Mode::Lockstep {
             bus.work_on_caller()?;
@@ -373,7 +373,7 @@ impl Session {
     /// # Errors
     /// [`RunError`] if the run can't start, as in real time with a bit rate. An error that ends it early is in the
     /// report.
-    pub fn both(&self, signals: &Signals, on_event: impl FnMut(RunEvent)) -> Result<BothReport, RunError> {
+    pub fn both(&self, signals: &Signals, on_event: &mut dyn FnMut(RunEvent)) -> Result<BothReport, RunError> {
         let mut session = self.clone();
         // The exciter disarms the plant when its work is done, and nobody would arm it again.
         session.ending.on_disarm = true;
@@ -395,7 +395,7 @@ impl Session {
         &self,
         [mut near, far]: [B; 2],
         signals: &Signals,
-        on_event: impl FnMut(RunEvent),
+        on_event: &mut dyn FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
         let mut node = self.exciter_node(self.scenario.rig.converter)?;
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
@@ -438,10 +438,10 @@ impl Session {
         &self,
         recorder: Option<Recorder>,
         signals: &Signals,
-        mut on_event: impl FnMut(RunEvent),
+        on_event: &mut dyn FnMut(RunEvent),
     ) -> Result<BothReport, RunError> {
         let mut exciter = self.exciter_in_loop(self.scenario.rig.converter)?;
-        let mut bench = self.bench(recorder.as_ref(), &mut on_event)?;
+        let mut bench = self.bench(recorder.as_ref(), on_event)?;
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let clock = VirtualClock::default();
         let [mut near, mut far] = self.virtual_ends(&clock);

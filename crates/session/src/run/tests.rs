@@ -249,7 +249,7 @@ fn all_loops_give_the_same_states() {
     let path = folder.path().join("free.mcap");
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
     let session = Session::new(scenario(), Mode::Free, Options { record, ..Options::default() }).unwrap();
-    let free = session.both(&Signals::default(), |_| {}).unwrap();
+    let free = session.both(&Signals::default(), &mut |_| {}).unwrap();
     assert_eq!(free.exciter.outcome, Some(ExciterOutcome::Finished));
     assert_eq!(lockstep.exciter.outcome(), Some(ExciterOutcome::Finished));
     assert_eq!((free.plant.outcome, lockstep.report.outcome), (PlantOutcome::Disarmed, PlantOutcome::Disarmed));
@@ -278,7 +278,7 @@ fn both_ends_on_a_memory_bus_give_those_states_too() {
     let path = folder.path().join("both.mcap");
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
     let session = Session::new(scenario(), Mode::Lockstep, Options { record, ..Options::default() }).unwrap();
-    let report = session.both(&Signals::default(), |_| {}).unwrap();
+    let report = session.both(&Signals::default(), &mut |_| {}).unwrap();
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished));
     assert_eq!((report.plant.outcome, report.plant.bus.refused), (PlantOutcome::Disarmed, 0));
     let expected = Rig::new().run(Mode::Lockstep, &Signals::default());
@@ -462,7 +462,7 @@ fn an_exciter_alone_gives_up_and_a_plant_alone_has_a_patience() {
     let report = session.exciter(&mut far, &Signals::default()).unwrap();
     insta::assert_snapshot!(report.error.unwrap(), @"no plant was heard within 0.05 s; start one with `resonarm run` on the same bus, with the same rate and base identifier");
     let mut events = Vec::new();
-    let report = session.plant(&mut near, &Signals::default(), |event| events.push(event)).unwrap();
+    let report = session.plant(&mut near, &Signals::default(), &mut |event| events.push(event)).unwrap();
     assert_eq!((report.outcome, report.samples, report.steps), (PlantOutcome::NotArmed, 0, 0));
     assert_eq!(events, [RunEvent::Ready]);
 }
@@ -473,7 +473,7 @@ fn a_plant_that_is_stopped_before_it_did_anything_did_nothing() {
     let signals = Signals::default();
     signals.stop();
     let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
-    assert_eq!(session.plant(&mut near, &signals, |_| {}).unwrap().outcome, PlantOutcome::NotArmed);
+    assert_eq!(session.plant(&mut near, &signals, &mut |_| {}).unwrap().outcome, PlantOutcome::NotArmed);
 }
 
 #[test]

@@ -130,7 +130,7 @@ impl Survey {
         let record = Some(RecordTo { path: path.clone(), existing: Existing::Overwrite });
         let options = Options { record, ..Options::default() };
         let session = Session::new(run.scenario.clone(), Mode::Free, options);
-        let reason = match session.and_then(|session| session.both(signals, |_| {})) {
+        let reason = match session.and_then(|session| session.both(signals, &mut |_| {})) {
             Err(error) => Some(error.to_string()),
             Ok(report) => {
                 let end = ExciterEnd::of(report.exciter_outcome(signals).as_ref());

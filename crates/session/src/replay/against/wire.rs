@@ -16,7 +16,6 @@ use resonarm_bench::rig::Load;
 use resonarm_files::decoder::action_name;
 use resonarm_files::recording::{Direction, FrameRecord};
 use resonarm_protocol::Frame;
-use resonarm_realtime::Clock;
 
 /// Commands that may wait to be compared: more than are under way at one moment.
 const AHEAD: usize = 1024;
@@ -141,8 +140,8 @@ impl Recorded {
 }
 
 /// Waits until the live controller has caught up with this frame of the recorded one, and compares.
-pub(super) fn expect<C: Clock>(
-    test: &mut Test<'_, C, Live>,
+pub(super) fn expect(
+    test: &mut Test<'_, Live>,
     recorded: &mut Recorded,
     record: &FrameRecord,
 ) -> Result<ControlFlow<()>, ReplayError> {

@@ -24,7 +24,7 @@ fn one_period(text: &str) -> Session {
 fn an_exciter_that_never_hears_its_plant_ends_with_it() {
     let deaf =
         "[[network.faults]]\nnode = 'exciter'\nkind = 'loss'\nprobability = 1.0\ndirection = 'receive'\nfrom_s = 0";
-    let report = one_period(deaf).both(&Signals::default(), |_| {}).unwrap();
+    let report = one_period(deaf).both(&Signals::default(), &mut |_| {}).unwrap();
     assert_eq!((report.plant.samples, report.exciter.bus.received), (2, 0));
     assert_eq!(report.exciter.outcome, Some(ExciterOutcome::PlantLeft), "{:?}", report.exciter);
     assert!(report.exciter.error.is_none(), "{:?}", report.exciter);
@@ -34,7 +34,7 @@ fn an_exciter_that_never_hears_its_plant_ends_with_it() {
 fn an_exciter_that_starts_after_its_plant_has_ended_hears_it_out_and_ends() {
     let [mut near, mut far] = memory::pair(64);
     let session = one_period("");
-    assert_eq!(session.plant(&mut near, &Signals::default(), |_| {}).unwrap().samples, 2);
+    assert_eq!(session.plant(&mut near, &Signals::default(), &mut |_| {}).unwrap().samples, 2);
     drop(near);
     let mut node = NodeBus::new(&scenario(), Mode::RealTime, &ScriptedClock::default()).exciter;
     let patience = Patience { wait: Some(PATIENCE), rearm: 0, plant_ended: Some(&AtomicBool::new(true)) };
@@ -49,7 +49,7 @@ fn a_plant_that_panics_before_it_is_armed_ends_the_run() {
     let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
     let (done, ended) = mpsc::channel();
     thread::spawn(move || {
-        let run = || session.both(&Signals::default(), |event| assert!(event != RunEvent::Ready, "made to panic"));
+        let run = || session.both(&Signals::default(), &mut |event| assert!(event != RunEvent::Ready, "made to panic"));
         done.send(panic::catch_unwind(AssertUnwindSafe(run)).is_err()).unwrap();
     });
     assert_eq!(ended.recv_timeout(PATIENCE), Ok(true), "the panic of the plant's thread is passed on");
@@ -63,7 +63,7 @@ fn a_plant_ends_when_the_exciter_beside_it_has_ended_before_arming() {
         let [mut near, _far] = memory::pair(64);
         let signals = Signals::default();
         signals.set_exciter_ended(true);
-        let report = session.plant(&mut near, &signals, |_| {}).unwrap();
+        let report = session.plant(&mut near, &signals, &mut |_| {}).unwrap();
         assert_eq!(report.outcome, PlantOutcome::NotArmed, "{mode}");
     }
 }
@@ -81,7 +81,7 @@ fn head_force_n(plant_converter: &str, exciter_knows: &str) -> f64 {
     let exciter = session(format!("{DWELL}[network]\n{exciter_knows}"));
     let [mut near, mut far] = memory::pair(1024);
     let report = thread::scope(|scope| {
-        let plant = scope.spawn(|| plant.plant(&mut near, &Signals::default(), |_| {}).unwrap());
+        let plant = scope.spawn(|| plant.plant(&mut near, &Signals::default(), &mut |_| {}).unwrap());
         let report = exciter.exciter(&mut far, &Signals::default()).unwrap();
         plant.join().unwrap();
         report
@@ -117,7 +117,7 @@ fn the_responses_of_an_exciter_that_knows_no_converter_are_read_again() {
     let (plant, exciter) = (session(record), session(None));
     let [mut near, mut far] = memory::pair(1024);
     let report = thread::scope(|scope| {
-        let plant = scope.spawn(|| plant.plant(&mut near, &Signals::default(), |_| {}).unwrap());
+        let plant = scope.spawn(|| plant.plant(&mut near, &Signals::default(), &mut |_| {}).unwrap());
         let report = exciter.exciter(&mut far, &Signals::default()).unwrap();
         plant.join().unwrap();
         report

@@ -35,7 +35,7 @@ impl Controller for Steps {
 fn run(then_n: f64, more: &str) -> BothReport {
     let scenario = Scenario::parse(more, "test").unwrap();
     let session = Session::new(scenario, Mode::Free, Options::default()).unwrap();
-    session.with_controller(move || Box::new(Steps { then_n })).both(&Signals::default(), |_| {}).unwrap()
+    session.with_controller(move || Box::new(Steps { then_n })).both(&Signals::default(), &mut |_| {}).unwrap()
 }
 
 /// The plant said "partner fault" and the exciter "a command beyond the range of its signal", and neither said which.

@@ -7,7 +7,7 @@ use resonarm_protocol::bits::BitRates;
 
 /// The report of a free run, its states, and the bytes of its recording.
 fn free(session: &Session) -> (BothReport, Vec<Vec<u64>>, Vec<u8>) {
-    let report = session.both(&Signals::default(), |_| {}).unwrap();
+    let report = session.both(&Signals::default(), &mut |_| {}).unwrap();
     let path = report.plant.recording.as_ref().unwrap().path.clone();
     (report, states_of(&Recording::open(&path).unwrap()), std::fs::read(path).unwrap())
 }
@@ -91,7 +91,7 @@ fn a_controller_that_is_bus_off_faults_the_run() {
         let text = format!("[[network.faults]]\nnode = '{node}'\nkind = 'bus_off'\nfrom_s = 0.5\nto_s = 0.6");
         let session = session(&text, &folder);
         let mut events = Vec::new();
-        let report = session.both(&Signals::default(), |event| events.push(event)).unwrap();
+        let report = session.both(&Signals::default(), &mut |event| events.push(event)).unwrap();
         assert_eq!(report.plant.fault.map(|fault| fault.code), Some(code as u16), "{node}");
         let is_off = |event: &RunEvent| matches!(event, RunEvent::BusLost { cause: BusLoss::BusOff, .. });
         let is_plant = node == "plant";

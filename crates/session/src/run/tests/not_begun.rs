@@ -24,7 +24,7 @@ fn neither_a_thread_nor_a_recording_is_left() {
     let path = folder.path().join("run.mcap");
     let [mut near, _far] = memory::pair(64);
     let (watch, mut watcher) = watch();
-    let refused = session(&path, Existing::Refuse).watched(watch).plant(&mut near, &Signals::default(), |_| {});
+    let refused = session(&path, Existing::Refuse).watched(watch).plant(&mut near, &Signals::default(), &mut |_| {});
     assert!(matches!(refused, Err(RunError::NoRealTimeThread { .. })), "{refused:?}");
     watcher.take(usize::MAX, |_, _| {});
     assert_eq!(watcher.loops(), 0, "the thread beside the loop goes on");
@@ -32,7 +32,7 @@ fn neither_a_thread_nor_a_recording_is_left() {
     // With a thread that the machine has, the same run is recorded.
     let mut again = session(&path, Existing::Refuse);
     again.options.thread = None;
-    let report = again.plant(&mut near, &Signals::default(), |_| {}).unwrap();
+    let report = again.plant(&mut near, &Signals::default(), &mut |_| {}).unwrap();
     assert_eq!((report.samples, report.recording.unwrap().samples), (2, 2));
 }
 
@@ -42,7 +42,7 @@ fn a_recording_that_may_be_overwritten_is_kept() {
     let path = folder.path().join("run.mcap");
     std::fs::write(&path, "the last run").unwrap();
     let [mut near, _far] = memory::pair(64);
-    let refused = session(&path, Existing::Overwrite).plant(&mut near, &Signals::default(), |_| {});
+    let refused = session(&path, Existing::Overwrite).plant(&mut near, &Signals::default(), &mut |_| {});
     assert!(matches!(refused, Err(RunError::NoRealTimeThread { .. })), "{refused:?}");
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "the last run");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a part of a file is left");

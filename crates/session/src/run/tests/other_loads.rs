@@ -58,7 +58,7 @@ fn a_free_run_takes_every_load_that_the_structure_takes() {
         let record = Some(RecordTo { path: path.clone(), existing: Existing::Overwrite });
         let text = format!("{structure}{}", dwell(amplitude));
         let session = session(&text, Mode::Free, Options { record, ..Options::default() });
-        let report = session.both(&Signals::default(), |_| {}).unwrap();
+        let report = session.both(&Signals::default(), &mut |_| {}).unwrap();
         assert_eq!(report.exciter.outcome, Some(ExciterOutcome::Finished), "{amplitude}: {report:?}");
         assert!(report.plant.error.is_none() && report.exciter.error.is_none(), "{amplitude}: {report:?}");
         let recording = Recording::open(&path).unwrap();
@@ -90,7 +90,7 @@ fn a_run_on_a_bus_refuses_what_the_protocol_does_not_carry() {
     let bit_rate = "[network]\nbit_rate_hz = 1000000\n";
     for (mode, network) in [(Mode::Lockstep, ""), (Mode::Free, bit_rate)] {
         let text = format!("{CHAIN}{}{network}", dwell("joint3 = 5.0"));
-        let refused = session(&text, mode, Options::default()).both(&Signals::default(), |_| {}).unwrap_err();
+        let refused = session(&text, mode, Options::default()).both(&Signals::default(), &mut |_| {}).unwrap_err();
         insta::allow_duplicates! {
             insta::assert_snapshot!(refused, @"the exciter's load has torque3_nm, but Resonarm's protocol carries only torque1_nm, torque2_nm, force_x_n and force_y_n: change the excitation, or map a user protocol by [wire]");
         }
@@ -111,7 +111,7 @@ fn a_free_run_refuses_a_load_that_the_structure_does_not_take() {
     let path = folder.path().join("run.mcap");
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
     let session = session(&dwell("joint3 = 5.0"), Mode::Free, Options { record, ..Options::default() });
-    let refused = session.both(&Signals::default(), |_| {}).unwrap_err();
+    let refused = session.both(&Signals::default(), &mut |_| {}).unwrap_err();
     insta::assert_snapshot!(refused, @"the load has `joint3` = 5, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
     assert!(!path.exists());
 }
@@ -144,7 +144,7 @@ impl Controller for AtJoint3 {
 fn a_controller_of_the_callers_own_may_command_them_in_a_free_run() {
     let outcome = |mode| {
         let session = session(CHAIN, mode, Options::default()).with_controller(|| Box::new(AtJoint3));
-        session.both(&Signals::default(), |_| {}).unwrap().exciter
+        session.both(&Signals::default(), &mut |_| {}).unwrap().exciter
     };
     assert_eq!(outcome(Mode::Free).outcome, Some(ExciterOutcome::Finished));
     let on_a_bus = outcome(Mode::Lockstep);

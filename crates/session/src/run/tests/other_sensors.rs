@@ -53,7 +53,7 @@ fn end(text: &str, folder: &std::path::Path, mode: Mode) -> Result<ExciterEnd, R
     let path = folder.join("scenario.toml");
     std::fs::write(&path, text).unwrap();
     let session = Session::new(Scenario::read(&path).unwrap(), mode, Options::default()).unwrap();
-    Ok(ExciterEnd::from(&session.both(&Signals::default(), |_| {})?.exciter))
+    Ok(ExciterEnd::from(&session.both(&Signals::default(), &mut |_| {})?.exciter))
 }
 
 fn reason(text: &str, folder: &std::path::Path, mode: Mode) -> String {

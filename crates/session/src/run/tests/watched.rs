@@ -25,10 +25,10 @@ fn events(recording: &Recording) -> Vec<(String, i64)> {
 #[test]
 fn a_watched_run_is_the_same_and_passes_on_all_that_is_recorded() {
     let folder = tempfile::tempdir().unwrap();
-    let alone = session(&folder, "alone.mcap").both(&Signals::default(), |_| {}).unwrap();
+    let alone = session(&folder, "alone.mcap").both(&Signals::default(), &mut |_| {}).unwrap();
     let (watch, mut watcher) = watch();
     watcher.want_frames(true);
-    let seen = session(&folder, "seen.mcap").watched(watch).both(&Signals::default(), |_| {}).unwrap();
+    let seen = session(&folder, "seen.mcap").watched(watch).both(&Signals::default(), &mut |_| {}).unwrap();
     let (recording, bytes) = recorded(&seen.plant);
     assert_eq!(bytes, recorded(&alone.plant).1);
     let (mut records, mut responses) = (Vec::new(), Vec::new());
@@ -66,12 +66,12 @@ fn a_watched_run_is_the_same_and_passes_on_all_that_is_recorded() {
 fn a_disarm_that_is_asked_for_is_recorded_and_ends_the_run_in_order() {
     let folder = tempfile::tempdir().unwrap();
     let (watch, mut watcher) = watch();
-    let ask = |event| {
+    let mut ask = |event| {
         if matches!(event, RunEvent::Armed { .. }) {
             watcher.ask(Request::Disarm).unwrap();
         }
     };
-    let report = session(&folder, "run.mcap").watched(watch).both(&Signals::default(), ask).unwrap();
+    let report = session(&folder, "run.mcap").watched(watch).both(&Signals::default(), &mut ask).unwrap();
     assert_eq!((report.plant.outcome, report.exciter.outcome), (PlantOutcome::Disarmed, Some(ExciterOutcome::Stopped)));
     let events = events(&recorded(&report.plant).0);
     let place = |name: &str| events.iter().position(|(found, _)| found == name);
@@ -92,7 +92,7 @@ fn a_plant_without_a_partner_is_not_armed_by_asking() {
     let (watch, mut watcher) = watch();
     let session = Session::new(scenario(), Mode::Lockstep, options).unwrap().watched(watch);
     let mut refused = Vec::new();
-    let report = session.plant(&mut near, &Signals::default(), |event| match event {
+    let report = session.plant(&mut near, &Signals::default(), &mut |event| match event {
         RunEvent::Ready => watcher.ask(Request::Arm).unwrap(),
         RunEvent::NotArmed { fault } => refused.push(fault.code),
         other => panic!("{other:?}"),
@@ -113,7 +113,7 @@ fn a_set_point_becomes_commands_that_pass_the_gate() {
     let session = Session::new(scenario, Mode::Free, Options { record, ..Options::default() }).unwrap();
     let session = session.with_controller(move || Box::new(steered.clone())).watched(watch);
     let set = SetPoint { load: 0.25 * limit, frequency_hz: 15.0, phase_deg: 0.0 };
-    let report = session.both(&Signals::default(), |event| {
+    let report = session.both(&Signals::default(), &mut |event| {
         if matches!(event, RunEvent::Armed { .. }) {
             // The first is beyond the limit and must be refused, without an effect on the second.
             watcher.ask(Request::Set(SetPoint { load: 2.0 * limit, ..set })).unwrap();
@@ -156,7 +156,7 @@ fn an_exciter_alone_passes_on_its_frames_and_one_beside_a_plant_none() {
         Session::new(scenario(), Mode::Lockstep, Options { end_on_disarm: true, ..Options::default() }).unwrap();
     let plant = plant.watched(beside);
     let exciter = std::thread::spawn(move || session.watched(alone).exciter(&mut far, &Signals::default()).unwrap());
-    plant.plant(&mut near, &Signals::default(), |_| {}).unwrap();
+    plant.plant(&mut near, &Signals::default(), &mut |_| {}).unwrap();
     let played = exciter.join().unwrap().samples_played;
     let frames = |watcher: &mut Watcher| {
         let mut frames = Vec::new();
@@ -199,9 +199,10 @@ fn a_plant_in_lockstep_holds_before_a_sample_until_it_may_go_on() {
     });
     let session = Session::new(scenario(), Mode::Lockstep, Options::default()).unwrap();
     let exciter = std::thread::spawn(move || session.exciter(&mut far, &Signals::default()).unwrap());
-    let held = plant.plant(&mut near, &signals, |_| {}).unwrap();
+    let held = plant.plant(&mut near, &signals, &mut |_| {}).unwrap();
     exciter.join().unwrap();
     assert_eq!(*calls.lock().unwrap(), [100; 3]);
-    let alone = Session::new(scenario(), Mode::Lockstep, options).unwrap().both(&Signals::default(), |_| {}).unwrap();
+    let alone =
+        Session::new(scenario(), Mode::Lockstep, options).unwrap().both(&Signals::default(), &mut |_| {}).unwrap();
     assert_eq!((held.outcome, held.samples), (PlantOutcome::Disarmed, alone.plant.samples));
 }
