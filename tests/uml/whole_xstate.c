@@ -9,6 +9,9 @@
  * Here ptrace() puts the short buffer over the front of the area that the process has, and sets that. The header, which
  * says which components count, is in the front; a component behind the front, of which User-Mode Linux knows nothing,
  * stays as it is.
+ *
+ * User-Mode Linux sets these registers each time that a process continues, and they are mostly those that it has just
+ * read from it. Then they are not set again, which spares a quarter of the time that a system call takes there.
  */
 #include <elf.h>
 #include <errno.h>
@@ -23,18 +26,37 @@
 /* Not on the stack: the stacks of User-Mode Linux have 16 KiB, the area with AMX 11 KiB. One thread traces. */
 static unsigned char whole[65536] __attribute__((aligned(64)));
 
+/* What User-Mode Linux has read last, the front of the area of process `held_by`; 0 once that process may have run. */
+static unsigned char held[65536];
+static size_t held_bytes;
+static pid_t held_by;
+
+static long get_xstate(pid_t pid, struct iovec *read)
+{
+	long result = syscall(SYS_ptrace, PTRACE_GETREGSET, pid, NT_X86_XSTATE, read);
+
+	held_by = 0;
+	if (result == 0) {
+		memcpy(held, read->iov_base, read->iov_len);
+		held_bytes = read->iov_len;
+		held_by = pid;
+	}
+	return result;
+}
+
 static long set_xstate(pid_t pid, struct iovec *given)
 {
 	struct iovec area = { whole, sizeof whole };
-	long result;
 
+	/* The read was cut to the area's length, if that is the shorter one. */
+	if (held_by == pid && held_bytes <= given->iov_len && memcmp(held, given->iov_base, held_bytes) == 0)
+		return 0;
+	held_by = 0;
 	if (syscall(SYS_ptrace, PTRACE_GETREGSET, pid, NT_X86_XSTATE, &area) == 0 && given->iov_len < area.iov_len) {
 		memcpy(whole, given->iov_base, given->iov_len);
-		result = syscall(SYS_ptrace, PTRACE_SETREGSET, pid, NT_X86_XSTATE, &area);
-	} else {
-		result = syscall(SYS_ptrace, PTRACE_SETREGSET, pid, NT_X86_XSTATE, given);
+		given = &area;
 	}
-	return result;
+	return syscall(SYS_ptrace, PTRACE_SETREGSET, pid, NT_X86_XSTATE, given);
 }
 
 /* ptrace() as the C library has it: the system call stores what a PEEK reads, the function returns it. */
@@ -52,6 +74,11 @@ long ptrace(enum __ptrace_request request, ...)
 
 	if (request == PTRACE_SETREGSET && address == (void *)NT_X86_XSTATE)
 		return set_xstate(pid, data);
+	if (request == PTRACE_GETREGSET && address == (void *)NT_X86_XSTATE)
+		return get_xstate(pid, data);
+	/* Any other request may let a process run. */
+	if (request != PTRACE_GETREGS && request != PTRACE_SETREGS)
+		held_by = 0;
 	result = syscall(SYS_ptrace, request, pid, address, peek ? &read : data);
 	if (peek && result == 0) {
 		errno = 0;
