@@ -234,6 +234,6 @@ def test_a_load_that_nothing_takes_is_not_steered(programs, tmp_path):
     run = free_run(programs, "--scenario", scenario)
     assert run.wait() == 2
     assert run.stderr == (
-        "resonarm: the load has `exciter_y` = 50, but no part of the structure accepts it; choose a load along an axis of "
-        "`rig.exciter.at`, or place the exciter elsewhere\n"
+        "resonarm: the load has `exciter_y` = 50, but the structure accepts only `joint1`, `joint2`, `joint3`, "
+        "`exciter_x` at tip.x; choose one of these, or place the exciter elsewhere by `rig.exciter.at`\n"
     )

@@ -82,16 +82,18 @@ pub enum ScenarioError {
     /// The user protocol of the section `[wire]` can't be mapped.
     #[error(transparent)]
     Wire(Box<WireError>),
-    /// A steered load acts on a degree of freedom that the structure does not have.
+    /// A load acts on a degree of freedom that the structure does not have.
     #[error(
-        "the load has `{name}` = {got}, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or \
-         place the exciter elsewhere", got = short(.got)
+        "the load has `{name}` = {got}, but the structure accepts only {accepted}; choose one of these, or place the exciter \
+         elsewhere by `rig.exciter.at`", got = short(.got)
     )]
     IdleLoad {
         /// Key of the load.
         name: &'static str,
         /// Amplitude of that load, N or N·m.
         got: f64,
+        /// Keys of the loads that the structure accepts.
+        accepted: String,
     },
     /// The section `[structure]` describes no valid structure, or the rig does not fit it.
     #[error(transparent)]
@@ -206,6 +208,12 @@ impl ScenarioError {
     /// The number of a key is outside its valid range.
     pub(crate) fn value(name: impl Into<String>, got: impl Into<f64>, expected: &'static str) -> ScenarioError {
         ScenarioError::Value { name: name.into(), got: got.into(), expected }
+    }
+
+    /// A load that a structure does not accept, by its key, with the keys of those that it accepts.
+    pub fn idle_load(name: &'static str, got: f64, accepted: impl Iterator<Item = String>) -> ScenarioError {
+        let accepted: Vec<String> = accepted.collect();
+        ScenarioError::IdleLoad { name, got, accepted: accepted.join(", ") }
     }
 }
 

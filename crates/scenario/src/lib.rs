@@ -481,7 +481,7 @@ impl Scenario {
         let direction = amplitude.scaled(1.0 / libm::hypot(amplitude.force_n.norm(), amplitude.torque_nm.norm()));
         let tested = self.under_test()?;
         if let Some((name, got)) = tested.idle_load(amplitude) {
-            return Err(ScenarioError::IdleLoad { name, got });
+            return Err(ScenarioError::idle_load(name, got, tested.accepted_loads()));
         }
         let first_hz = tested.assembly.modes().first().map_or(f64::NAN, |mode| mode.frequency_hz);
         // The controller starts at 0.8 of the first natural frequency. At the resonance the structure would

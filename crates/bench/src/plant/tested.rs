@@ -170,6 +170,15 @@ impl TestedAssembly {
         self.acting(amplitude).find(|(_, _, dof)| dof.is_none()).map(|(name, load, _)| (name, load))
     }
 
+    /// The loads that the structure takes, by their keys in a scenario, forces with the degree of freedom on which they
+    /// act.
+    pub fn accepted_loads(&self) -> impl Iterator<Item = String> {
+        Load::NAMES.into_iter().zip(self.loaded()).filter_map(|(name, dof)| {
+            let acts_on = self.dof_name(dof?);
+            Some(if acts_on == name { format!("`{name}`") } else { format!("`{name}` at {acts_on}") })
+        })
+    }
+
     /// The degrees of freedom that a load drives, with its amplitude at each, N or N·m; empty if nothing of the structure
     /// takes a part of it.
     pub fn driven(&self, amplitude: &Load) -> Vec<(Dof, f64)> {

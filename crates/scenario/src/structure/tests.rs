@@ -134,8 +134,8 @@ fn what_nothing_takes_is_not_steered() {
         Scenario::parse(&text, "bench.toml").unwrap().steered(Converter::default()).map(|steered| steered.limit())
     };
     assert!(steered("exciter_x").unwrap() > 2.0);
-    insta::assert_snapshot!(steered("exciter_y").unwrap_err(), @"the load has `exciter_y` = 2, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
-    insta::assert_snapshot!(steered("joint1").unwrap_err(), @"the load has `joint1` = 2, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    insta::assert_snapshot!(steered("exciter_y").unwrap_err(), @"the load has `exciter_y` = 2, but the structure accepts only `exciter_x` at tip.x; choose one of these, or place the exciter elsewhere by `rig.exciter.at`");
+    insta::assert_snapshot!(steered("joint1").unwrap_err(), @"the load has `joint1` = 2, but the structure accepts only `exciter_x` at tip.x; choose one of these, or place the exciter elsewhere by `rig.exciter.at`");
 }
 
 /// An element of the modal structure.

@@ -55,10 +55,23 @@ impl Session {
         }
         let mut node = self.unchecked_exciter_node(converter)?;
         node.carried_mut().hand_over(&Readings::NONE);
-        match self.commanded_amplitude().and_then(|amplitude| self.plant.inputs().lacks(amplitude)) {
-            Some((place, got)) => Err(ScenarioError::IdleLoad { name: Load::NAMES[place], got }.into()),
-            None => Ok(node),
-        }
+        Ok(node)
+    }
+
+    /// Checks that the structure accepts every part of the scenario's load: a run of both ends would end with the first
+    /// command.
+    pub(super) fn check_load(&self) -> Result<(), RunError> {
+        let Some(amplitude) = self.commanded_amplitude() else { return Ok(()) };
+        let refused = if self.scenario.structure.kind.is_foreign() {
+            let inputs = self.plant.inputs();
+            let accepted = inputs.places().map(|place| format!("`{}`", Load::NAMES[place]));
+            inputs.lacks(amplitude).map(|(place, got)| ScenarioError::idle_load(Load::NAMES[place], got, accepted))
+        } else {
+            let tested = self.scenario.under_test()?;
+            let idle = tested.idle_load(amplitude);
+            idle.map(|(name, got)| ScenarioError::idle_load(name, got, tested.accepted_loads()))
+        };
+        refused.map_or(Ok(()), |refused| Err(refused.into()))
     }
 
     /// Whether the loop of a free run hands over the readings and loads that Resonarm's protocol does not carry. A bus

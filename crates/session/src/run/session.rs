@@ -377,6 +377,7 @@ impl Session {
         let mut session = self.clone();
         // The exciter disarms the plant when its work is done, and nobody would arm it again.
         session.ending.on_disarm = true;
+        session.check_load()?;
         match (self.mode, self.network) {
             (Mode::Free, _) => session.free(session.recorder(self.interface_of_both())?, signals, on_event),
             (Mode::Lockstep, Network::Real(Some(spec))) => {

@@ -104,6 +104,22 @@ fn a_hosted_exciter_refuses_what_the_protocol_does_not_carry() {
     assert!(matches!(session.hosted_exciter(), Err(RunError::WireLacks(_))));
 }
 
+/// Also of the loads that the native protocol carries: a run would end in a fault with the first command.
+#[test]
+fn a_run_of_both_ends_refuses_a_load_that_acts_on_nothing() {
+    let along_z = MODAL.replace("at = 'tip'", "at = 'tip.z'");
+    for mode in [Mode::Free, Mode::Lockstep] {
+        let session = session(&format!("{along_z}{}", dwell("exciter_y = 5.0")), mode, Options::default());
+        let refused = session.both(&Signals::default(), &mut |_| {}).unwrap_err();
+        assert!(
+            refused
+                .to_string()
+                .starts_with("the load has `exciter_y` = 5, but the structure accepts only `exciter_x` at tip.z;"),
+            "{refused}"
+        );
+    }
+}
+
 /// Nothing is written for a load that nothing of the structure takes.
 #[test]
 fn a_free_run_refuses_a_load_that_the_structure_does_not_take() {
@@ -112,7 +128,7 @@ fn a_free_run_refuses_a_load_that_the_structure_does_not_take() {
     let record = Some(RecordTo { path: path.clone(), existing: Existing::Refuse });
     let session = session(&dwell("joint3 = 5.0"), Mode::Free, Options { record, ..Options::default() });
     let refused = session.both(&Signals::default(), &mut |_| {}).unwrap_err();
-    insta::assert_snapshot!(refused, @"the load has `joint3` = 5, but no part of the structure accepts it; choose a load along an axis of `rig.exciter.at`, or place the exciter elsewhere");
+    insta::assert_snapshot!(refused, @"the load has `joint3` = 5, but the structure accepts only `joint1`, `joint2`, `exciter_x` at tip.x, `exciter_y` at tip.y; choose one of these, or place the exciter elsewhere by `rig.exciter.at`");
     assert!(!path.exists());
 }
 
