@@ -26,7 +26,8 @@
 /* Not on the stack: the stacks of User-Mode Linux have 16 KiB, the area with AMX 11 KiB. One thread traces. */
 static unsigned char whole[65536] __attribute__((aligned(64)));
 
-/* What User-Mode Linux has read last, the front of the area of process `held_by`; 0 once that process may have run. */
+/* The registers that User-Mode Linux has read last: the front of the area of process `held_by`, which is 0 as soon as that
+ * process may have run since. */
 static unsigned char held[65536];
 static size_t held_bytes;
 static pid_t held_by;

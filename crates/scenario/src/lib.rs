@@ -480,9 +480,7 @@ impl Scenario {
         // parts is that of the one that is there.
         let direction = amplitude.scaled(1.0 / libm::hypot(amplitude.force_n.norm(), amplitude.torque_nm.norm()));
         let tested = self.under_test()?;
-        if let Some((name, got)) = tested.idle_load(amplitude) {
-            return Err(ScenarioError::idle_load(name, got, tested.accepted_loads()));
-        }
+        check_accepted(&tested, amplitude)?;
         let first_hz = tested.assembly.modes().first().map_or(f64::NAN, |mode| mode.frequency_hz);
         // The controller starts at 0.8 of the first natural frequency. At the resonance the structure would
         // respond strongly before anyone has steered it.
@@ -503,6 +501,15 @@ impl Scenario {
 
 fn positive(name: &'static str, got: f64) -> Result<f64, ScenarioError> {
     if got.is_finite() && got > 0.0 { Ok(got) } else { Err(ScenarioError::value(name, got, "a positive number")) }
+}
+
+/// Checks that a structure accepts every part of a load.
+///
+/// # Errors
+/// [`ScenarioError::IdleLoad`] names the first part that acts on nothing.
+pub fn check_accepted(tested: &TestedAssembly, load: &Load) -> Result<(), ScenarioError> {
+    let idle = tested.idle_load(load);
+    idle.map_or(Ok(()), |(name, got)| Err(ScenarioError::idle_load(name, got, tested.accepted_loads())))
 }
 
 #[cfg(test)]

@@ -181,6 +181,7 @@ impl Stepped for AssemblySteps {
     }
 
     fn read(&self, _t_s: f64, load: &Load, out: &mut [Kinematics]) -> Result<(), StructureError> {
+        // Borrowed, since a drive is long and this is done for every reading.
         let other;
         let drive = if self.held.load == *load {
             &self.held

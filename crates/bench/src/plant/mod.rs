@@ -295,7 +295,7 @@ impl Plant {
         self.structure.travel_m()
     }
 
-    /// The same, if the gate limits it.
+    /// The same distance, if the gate limits it.
     pub fn limited_travel_m(&self) -> Option<f64> {
         // Most gates have no such limit, and of a chain it takes the sines of its angles again.
         self.gate().travel_limit_m.map(|_| self.travel_m())

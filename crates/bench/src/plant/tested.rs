@@ -170,8 +170,8 @@ impl TestedAssembly {
         self.acting(amplitude).find(|(_, _, dof)| dof.is_none()).map(|(name, load, _)| (name, load))
     }
 
-    /// The loads that the structure takes, by their keys in a scenario, forces with the degree of freedom on which they
-    /// act.
+    /// The loads that the structure accepts, by their keys in a scenario. A force comes with the degree of freedom on
+    /// which it acts, as "`exciter_x` at tip.z".
     pub fn accepted_loads(&self) -> impl Iterator<Item = String> {
         Load::NAMES.into_iter().zip(self.loaded()).filter_map(|(name, dof)| {
             let acts_on = self.dof_name(dof?);

@@ -44,7 +44,7 @@ pub(super) struct Bench<'a> {
     pub samples: u64,
     /// Readings of the last sample.
     pub measured: Measurement,
-    /// Whether these are of sample 0, published before the plant was armed in lockstep.
+    /// Whether `measured` is of sample 0, which was published before the plant was armed in lockstep.
     is_start_measured: bool,
     /// The load from the sample before to this one.
     held: Load,

@@ -12,7 +12,7 @@ use resonarm_files::recording::channels::Channels;
 use resonarm_files::recording::{self, Recorder};
 use resonarm_protocol::{FrameFormat, Id, Node, Profile};
 use resonarm_realtime::SystemClock;
-use resonarm_scenario::ScenarioError;
+use resonarm_scenario::{ScenarioError, check_accepted};
 
 /// Records on their way to the writer: at 1 kHz about four seconds of everything.
 const RECORDS_CAPACITY: usize = 1 << 15;
@@ -58,20 +58,18 @@ impl Session {
         Ok(node)
     }
 
-    /// Checks that the structure accepts every part of the scenario's load: a run of both ends would end with the first
-    /// command.
+    /// Checks that the structure accepts every part of the scenario's load. A run of both ends would otherwise end in a
+    /// fault at its first command.
     pub(super) fn check_load(&self) -> Result<(), RunError> {
         let Some(amplitude) = self.commanded_amplitude() else { return Ok(()) };
-        let refused = if self.scenario.structure.kind.is_foreign() {
-            let inputs = self.plant.inputs();
-            let accepted = inputs.places().map(|place| format!("`{}`", Load::NAMES[place]));
-            inputs.lacks(amplitude).map(|(place, got)| ScenarioError::idle_load(Load::NAMES[place], got, accepted))
-        } else {
-            let tested = self.scenario.under_test()?;
-            let idle = tested.idle_load(amplitude);
-            idle.map(|(name, got)| ScenarioError::idle_load(name, got, tested.accepted_loads()))
-        };
-        refused.map_or(Ok(()), |refused| Err(refused.into()))
+        if !self.scenario.structure.kind.is_foreign() {
+            return Ok(check_accepted(&self.scenario.under_test()?, amplitude)?);
+        }
+        // Only the plant knows the loads of an FMU and of a structure of the program's own.
+        let inputs = self.plant.inputs();
+        let Some((place, got)) = inputs.lacks(amplitude) else { return Ok(()) };
+        let accepted = inputs.places().map(|place| format!("`{}`", Load::NAMES[place]));
+        Err(ScenarioError::idle_load(Load::NAMES[place], got, accepted).into())
     }
 
     /// Whether the loop of a free run hands over the readings and loads that Resonarm's protocol does not carry. A bus

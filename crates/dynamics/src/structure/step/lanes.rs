@@ -47,8 +47,8 @@ pub(super) fn advance<const N: usize>(
     states: &mut [Vec<f64>],
 ) {
     let steps = Steps { links, h_s, load, sines: steps.sines, times: steps.times };
-    // At most half a group is left over where half the lanes hold it. With AVX2 they take half as long; with AVX-512 the
-    // whole group takes a third longer than half a one with AVX2.
+    // At most half a group is left over where half the lanes hold it. With AVX2 half a group takes half as long as a whole
+    // one. With AVX-512 it takes longer than a whole one, so it uses AVX2 there, too: five sixths of a whole one's time.
     let left_over = states.len() % LANES;
     let whole = if left_over <= HALF { states.len() - left_over } else { states.len() };
     let (whole, rest) = states.split_at_mut(whole);

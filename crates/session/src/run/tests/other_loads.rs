@@ -104,7 +104,7 @@ fn a_hosted_exciter_refuses_what_the_protocol_does_not_carry() {
     assert!(matches!(session.hosted_exciter(), Err(RunError::WireLacks(_))));
 }
 
-/// Also of the loads that the native protocol carries: a run would end in a fault with the first command.
+/// Loads that the native protocol carries are checked as well: the run would otherwise end in a fault at sample 1.
 #[test]
 fn a_run_of_both_ends_refuses_a_load_that_acts_on_nothing() {
     let along_z = MODAL.replace("at = 'tip'", "at = 'tip.z'");
