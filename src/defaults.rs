@@ -136,10 +136,12 @@ mod tests {
         }
     }
 
-    fn read(path: &str, flag: &str, given: &[String]) -> Result<Cli, String> {
+    /// What the program reads of a command line. `whole` is the description of all commands, which takes longer to make than to
+    /// use.
+    fn read(whole: &mut Command, path: &str, flag: &str, given: &[String]) -> Result<Cli, String> {
         let words = format!("resonarm {path} {}", needed(path, flag));
         let words = words.split_whitespace().map(str::to_owned).chain(given.iter().cloned());
-        let matches = whole().try_get_matches_from(words).map_err(|error| error.to_string())?;
+        let matches = whole.try_get_matches_from_mut(words).map_err(|error| error.to_string())?;
         Cli::from_arg_matches(&matches).map_err(|error| error.to_string())
     }
 
@@ -205,14 +207,14 @@ mod tests {
     }
 
     /// Compares a command with a flag at its default to the command without the flag, both with the arguments `others`.
-    fn compare(path: &str, arg: &Arg, others: &str, default: &str, of_parser: bool) -> Compared {
+    fn compare(whole: &mut Command, path: &str, arg: &Arg, others: &str, default: &str, of_parser: bool) -> Compared {
         let (id, flag) = (arg.get_id().as_str(), arg.get_long().unwrap());
         let others: Vec<String> = others.split_whitespace().map(str::to_owned).collect();
-        let bare = read(path, id, &others).unwrap_or_else(|error| panic!("{path} --{flag}: {error}"));
+        let bare = read(whole, path, id, &others).unwrap_or_else(|error| panic!("{path} --{flag}: {error}"));
         if default.contains(' ') {
             return Compared::Words;
         }
-        match read(path, id, &[others, vec![format!("--{flag}={default}")]].concat()) {
+        match read(whole, path, id, &[others, vec![format!("--{flag}={default}")]].concat()) {
             Ok(given) if of_parser => assert_eq!(format!("{given:?}"), format!("{bare:?}"), "{path} --{flag}"),
             Ok(given) => assert_eq!(used(&given), used(&bare), "{path} --{flag}: {default}"),
             Err(error) if of_parser => panic!("{path} --{flag}: {error}"),
@@ -225,7 +227,7 @@ mod tests {
     /// values, are listed.
     #[test]
     fn every_default_in_the_help_is_the_commands() {
-        let (mut values, mut words) = (0, Vec::new());
+        let (mut parser, mut values, mut words) = (whole(), 0, Vec::new());
         for (path, command) in leaves(&whole(), "") {
             for arg in command.get_arguments().filter(|arg| arg.get_long().is_some()) {
                 let Some((default, of_parser)) = stated_default(arg) else { continue };
@@ -236,7 +238,7 @@ mod tests {
                     |(on_a_bus, free)| vec![("", on_a_bus), ("--mode free", free)],
                 );
                 for (others, default) in cases {
-                    match compare(&path, arg, others, default, of_parser) {
+                    match compare(&mut parser, &path, arg, others, default, of_parser) {
                         Compared::Same => values += 1,
                         Compared::Words => words.push(format!("{path} --{}: {default}", arg.get_long().unwrap())),
                     }

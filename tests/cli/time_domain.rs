@@ -13,7 +13,7 @@ const SWEEP: [&str; 10] = [
     "--drive=joint1=60",
     "--from-hz=22.05",
     "--to-hz=22.15",
-    "--points=41",
+    "--points=25",
     "--direction=both",
     "--time-constants=40",
     "--initial=0,0,0,0",
@@ -63,7 +63,7 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
     let partial = stopped.join("sweep.partial.jsonl");
 
     let first = into(&stopped, &SWEEP).spawn().unwrap();
-    // The remaining 72 points take seconds of processor time, so some are left even if this process is delayed now.
+    // The remaining 40 points take seconds of processor time, so some are left even if this process is delayed now.
     wait_until("ten points", || lines(&partial) > 10);
     kill_process(Pid::from_child(&first), Signal::INT).unwrap();
     let output = first.wait_with_output().unwrap();
@@ -71,9 +71,9 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
     // The first line of a journal has the inputs.
     let kept = lines(&partial) - 1;
     assert!(
-        errors(&output).contains(&format!("stopped after {kept} of 82 points; the same command resumes from there"))
+        errors(&output).contains(&format!("stopped after {kept} of 50 points; the same command resumes from there"))
     );
-    assert!(kept < 82 && !stopped.join("sweep.csv").exists());
+    assert!(kept < 50 && !stopped.join("sweep.csv").exists());
 
     // Points of another pose would be taken for those of this one.
     let other = into(&stopped, &[&SWEEP[..1], &["--angles-deg=0,90"], &SWEEP[2..]].concat()).output().unwrap();
@@ -83,7 +83,7 @@ fn a_stopped_sweep_resumes_to_the_same_result() {
 
     let resumed = into(&stopped, &SWEEP).output().unwrap();
     assert!(resumed.status.success() && !partial.exists(), "{}", errors(&resumed));
-    assert!(errors(&resumed).contains(&format!("resuming after {kept} of 82 points")), "{}", errors(&resumed));
+    assert!(errors(&resumed).contains(&format!("resuming after {kept} of 50 points")), "{}", errors(&resumed));
     assert!(into(&whole, &SWEEP).output().unwrap().status.success());
     for file in ["sweep.csv", "sweep.json", "sweep.svg", "sweep.png", "sweep.txt"] {
         let [a, b] = [&stopped, &whole].map(|folder| std::fs::read(folder.join(file)).unwrap());

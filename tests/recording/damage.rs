@@ -29,7 +29,11 @@ fn states_recorded() -> TestResult<Vec<StateRecord>> {
 
 /// Reads all readable states, which must be the beginning of those recorded. Returns their number.
 fn read(path: &Path, recorded: &[StateRecord]) -> TestResult<usize> {
-    let Ok(recording) = Recording::open(path) else { return Ok(0) };
+    Recording::open(path).map_or(Ok(0), |recording| read_opened(&recording, recorded))
+}
+
+/// [`read`] of a recording that is open.
+fn read_opened(recording: &Recording, recorded: &[StateRecord]) -> TestResult<usize> {
     let states = recording.states()?.collect::<Result<Vec<_>, _>>()?;
     assert!(recorded.starts_with(&states), "states that were never recorded");
     for record in recording.records()? {
@@ -97,7 +101,7 @@ proptest! {
     /// One wrong byte anywhere is detected or has no effect.
     #[test]
     fn a_wrong_byte_gives_no_wrong_record(
-        flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 100),
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 50),
     ) {
         let directory = tempfile::tempdir()?;
         let fail = |error: Box<dyn std::error::Error>| TestCaseError::fail(error.to_string());
@@ -108,9 +112,9 @@ proptest! {
             let mut bytes = whole.clone();
             bytes[index.index(whole.len())] ^= flip;
             fs::write(&path, &bytes)?;
-            // A byte that hides a whole chunk shows as a gap: an error, and no wrong record either.
-            let _seen = read(&path, &recorded);
             if let Ok(recording) = Recording::open(&path) {
+                // A byte that hides a whole chunk shows as a gap: an error, and no wrong record either.
+                let _seen = read_opened(&recording, &recorded);
                 prop_assert_ne!(recording.integrity(), &Integrity::Complete, "byte {}", index.index(whole.len()));
             }
         }
@@ -264,10 +268,12 @@ fn a_wrong_byte_in_any_record_is_an_error() -> TestResult {
         bytes[place] ^= 0x15;
         fs::write(&path, &bytes)?;
         match Recording::open(&path) {
-            Ok(recording) => assert_ne!(recording.integrity(), &Integrity::Complete, "byte {place}"),
+            Ok(recording) => {
+                assert_ne!(recording.integrity(), &Integrity::Complete, "byte {place}");
+                let _seen = read_opened(&recording, &recorded);
+            }
             Err(error) => assert!(!error.to_string().is_empty()),
         }
-        let _seen = read(&path, &recorded);
     }
     Ok(())
 }

@@ -21,12 +21,21 @@ const READ_S: f64 = 1.0;
 struct Rig {
     links: [Link; 2],
     shaker: ShakerSpec,
+    /// The tip's place along x with the joints at rest.
+    rest_m: f64,
 }
 
 /// α1, α2, α̇1, α̇2, and the current, A.
 type State = [f64; 5];
 
 impl Rig {
+    fn new(links: [Link; 2], shaker: ShakerSpec) -> Rig {
+        let [one, two] = &links;
+        let [first, second] = [one.angle_deg, one.angle_deg + two.angle_deg].map(f64::to_radians);
+        let rest_m = one.length_m * libm::cos(first) + two.length_m * libm::cos(second);
+        Rig { links, shaker, rest_m }
+    }
+
     /// Rates of the state, and the force in the head, N, under a voltage, V.
     ///
     /// M α̈ + C α̇ + D α̇ + K α = Jᵀe H with H = Bl i − m s̈ − c ṡ − k s (Gierlak, Warmiński 2023, Eq. 3), and
@@ -39,15 +48,15 @@ impl Rig {
         let a1 = one.inertia_kg_m2 + one.mass_kg * centre1 * centre1 + a3 + two.mass_kg * l1 * l1;
         let [q1, q12] = [beta_rad[0] + x1, beta_rad[0] + beta_rad[1] + x1 + x2];
         let ((s1, c1), (s12, c12)) = (libm::sincos(q1), libm::sincos(q12));
-        let (s, c) = libm::sincos(beta_rad[1] + x2);
+        // Of the second joint: the difference of the two.
+        let (s, c) = (s12 * c1 - c12 * s1, c12 * c1 + s12 * s1);
         let coriolis = [-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1];
         let springs =
             [(one, x1, v1), (two, x2, v2)].map(|(link, x, v)| link.damping_nm_s_rad * v + link.stiffness_nm_rad * x);
         // The shaker pushes along x: s is the displacement of the tip.
         let [j1, j2] = [-l1 * s1 - l2 * s12, -l2 * s12];
         let centripetal = -l1 * c1 * v1 * v1 - l2 * c12 * (v1 + v2) * (v1 + v2);
-        let rest_m = l1 * libm::cos(beta_rad[0]) + l2 * libm::cos(beta_rad[0] + beta_rad[1]);
-        let displacement_m = l1 * c1 + l2 * c12 - rest_m;
+        let displacement_m = l1 * c1 + l2 * c12 - self.rest_m;
         let velocity_m_s = j1 * v1 + j2 * v2;
         let pushed_n = shaker.force_factor_n_a * current_a
             - shaker.damping_n_s_m * velocity_m_s
@@ -144,7 +153,7 @@ fn compared(converter: Converter) -> Vec<Compared> {
     assert_eq!(points.len(), 9);
     let tested = scenario.under_test().unwrap();
     let BodySpec::Chain(chain) = &tested.assembly.spec().body else { panic!("{tested:?}") };
-    let rig = Rig { links: chain.links[..].try_into().unwrap(), shaker: scenario.rig.shaker.unwrap() };
+    let rig = Rig::new(chain.links[..].try_into().unwrap(), scenario.rig.shaker.unwrap());
     let fine = f64::from(FINE);
     // Whole periods, as the controller reads them; it answers one sample after the last, which is of 2.5 samples before.
     let read = |(sample, point): &(usize, ResponsePoint)| {
