@@ -1,6 +1,7 @@
 //! The gate of a plant: the checks that a command must pass before it acts on the arm.
 
-use crate::{NodeState, Refusal};
+use crate::message::Refusal;
+use crate::state::NodeState;
 
 /// Whether a quantity keeps its limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use crate::commands::exciter::complaint as complaint_of_exciter;
+use super::exciter::complaint as complaint_of_exciter;
 use crate::computed_branch::ComputedBranch;
 use crate::configuration;
 use crate::drive::Drive;

@@ -7,10 +7,10 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
+use super::identify_figures::{Curve, poles_figure, responses_figure};
+use super::identify_found::{Found, signed, smooth_hz};
+use super::identify_mac::{COMPUTED, Shapes};
 use crate::commands::identify_angles;
-use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
-use crate::commands::identify_found::{Found, signed, smooth_hz};
-use crate::commands::identify_mac::{COMPUTED, Shapes};
 use crate::commands::identify_report;
 use crate::commands::identify_responses;
 use crate::configuration;

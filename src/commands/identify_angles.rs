@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::commands::identify::Identify;
+use super::identify::Identify;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::output;

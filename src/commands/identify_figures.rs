@@ -1,6 +1,6 @@
 //! Figures of `resonarm identify`: frequency responses with the fitted curves, and poles over the order.
 
-use crate::commands::identify_found::{Found, NumberedMode, OrderPoles};
+use super::identify_found::{Found, NumberedMode, OrderPoles};
 use crate::figures::response_curves::broken_at_wraps;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style};
 

@@ -6,8 +6,8 @@ use nalgebra::Complex;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::commands::identify::pair;
-use crate::commands::identify_mac::{Assurance, Shapes};
+use super::identify::pair;
+use super::identify_mac::{Assurance, Shapes};
 use crate::failure::Failure;
 use crate::output;
 use resonarm::identify::{Band, Identification, IdentifiedMode, IdentifyError, ReadingNoise, ResidualTerm};

@@ -5,9 +5,9 @@ use base64::engine::general_purpose::STANDARD;
 use nalgebra::Complex;
 use sha2::{Digest, Sha256};
 
-use crate::commands::identify::{Document, Levels, Run};
-use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
-use crate::commands::identify_found::{Found, NumberedMode, noise_name, signed};
+use super::identify::{Document, Levels, Run};
+use super::identify_figures::{Curve, poles_figure, responses_figure};
+use super::identify_found::{Found, NumberedMode, noise_name, signed};
 use crate::failure::Failure;
 use crate::junit::without_markup;
 use resonarm::identify::{IdentifiedMode, ReadingNoise};

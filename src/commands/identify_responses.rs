@@ -5,10 +5,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::commands::identify::{Identify, first_and_step_hz, pair, write_uff};
-use crate::commands::identify_figures::{Curve, poles_figure, responses_figure};
-use crate::commands::identify_found::{Found, smooth_hz};
-use crate::commands::identify_mac::Shapes;
+use super::identify::{Identify, first_and_step_hz, pair, write_uff};
+use super::identify_figures::{Curve, poles_figure, responses_figure};
+use super::identify_found::{Found, smooth_hz};
+use super::identify_mac::Shapes;
 use crate::failure::{Failure, Verdict};
 use crate::figures::response_curves;
 use crate::output;

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::commands::exciter::warn_of_wire;
+use super::exciter::warn_of_wire;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::latency_figure::{self, LatencyCurve, LatencyPlotFlag};

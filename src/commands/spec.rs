@@ -7,7 +7,7 @@ use nalgebra::Complex;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::commands::plot::table;
+use super::plot::table;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::flags::read_scenario;

@@ -7,7 +7,7 @@ use clap::Args;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::commands::identify_mac::read_document;
+use super::identify_mac::read_document;
 use crate::configuration;
 use crate::failure::{Failure, Verdict};
 use crate::figures::captions::label;

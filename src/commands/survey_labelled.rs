@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::commands::identify::first_and_step_hz;
+use super::identify::first_and_step_hz;
 use crate::failure::Failure;
 use crate::output;
 use crate::recordings;

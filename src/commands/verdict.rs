@@ -6,8 +6,8 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::commands::plot::table;
-use crate::commands::spec::figure_of;
+use super::plot::table;
+use super::spec::figure_of;
 use crate::commands::verdict_report;
 use crate::failure::Failure;
 use crate::help::heading;

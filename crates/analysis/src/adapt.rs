@@ -1,8 +1,9 @@
 //! Adapts the number of harmonics to the periodic response along a continuation.
 
 use super::balance::Balance;
+use crate::branch_options::BranchOptions;
 use crate::continuation::{Continuation, System};
-use crate::{AnalysisError, BranchOptions};
+use crate::error::AnalysisError;
 
 /// Below this fraction of the truncation allowed, the last harmonic is dropped.
 const DROP_SHARE: f64 = 1e-3;

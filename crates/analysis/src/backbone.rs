@@ -27,14 +27,17 @@ use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, StructureMode};
 
 use super::adapt::{Spectral, adapt};
 use super::balance::{Balance, unit_deflection};
+use super::branch;
 use super::linear::dynamic_stiffness_solve;
 use super::orbit::{Reading, TraceOptions};
 use super::unknowns::{Body, Kept};
-use super::{Coordinate, Forced, branch};
+use crate::bending::Bending;
+use crate::branch_options::BranchOptions;
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::dense::norm;
+use crate::error::{AnalysisError, EndedEarly, Place};
+use crate::forced::{Coordinate, Forced};
 use crate::search::{FINE, search};
-use crate::{AnalysisError, Bending, BranchOptions, EndedEarly, Place};
 
 /// Bisections of the bandwidth of a mode: 2⁻⁵² of 2ζω.
 const BISECTIONS: usize = 52;

@@ -29,9 +29,9 @@ use super::linear::dynamic_stiffness_solve;
 use super::samples::{Contacts, Jump, Samples};
 use super::spectral::{operator, project};
 use super::unknowns::{Body, Compliance, Condensed, Kept, Unknowns, Weights};
-use super::{Coordinate, Forced, Orbit};
 use crate::continuation::System;
-use crate::forced::Component;
+use crate::forced::{Component, Coordinate, Forced};
+use crate::orbit::Orbit;
 
 pub(super) use homotopy::Homotopy;
 

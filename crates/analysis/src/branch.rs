@@ -14,10 +14,11 @@ use super::orbit::{Assess, Bifurcation, Branch, BranchEnd, Orbit, Reading, Trace
 use super::spectral::largest;
 use super::start::start;
 use super::walk::Walk;
-use super::{Coordinate, Forced};
+use crate::branch_options::BifurcationKind;
 use crate::continuation::{Continuation, Cut, Point, Slices, System, at_parameter};
 use crate::dense::{dot, norm};
-use crate::{AnalysisError, BifurcationKind, EndedEarly};
+use crate::error::{AnalysisError, EndedEarly};
+use crate::forced::{Coordinate, Forced};
 
 /// The most times that the step of a jump is halved. Branches nearer than 2⁻¹⁶ of a step count as one.
 const MOST_HALVINGS: usize = 16;

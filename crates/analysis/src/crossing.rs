@@ -27,12 +27,12 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::Coordinate;
 use super::balance::Balance;
 use super::singular::{DIFFERENCE, MORE_HARMONICS, NULL_VECTOR_ERROR};
-use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, System};
 use crate::dense::{Lu, dot, norm, normalise};
+use crate::error::AnalysisError;
+use crate::forced::Coordinate;
 
 /// Branches that pass each other within this, β relative to the size of the response, count as crossing: it is rounding
 /// where a symmetry makes them cross, and leaves branches apart by its square root.

@@ -7,10 +7,11 @@ use super::balance::Balance;
 use super::branch::orbit_of;
 use super::orbit::{Bifurcation, Branch, Orbit, TraceOptions};
 use super::singular::{Singular, Singularity};
-use super::{Coordinate, Forced};
+use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::continuation::{Continuation, Cut, Point, Slices, System, Work, at_parameter};
+use crate::error::{AnalysisError, EndedEarly};
+use crate::forced::{Coordinate, Forced};
 use crate::search::{FINE, search};
-use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly};
 
 /// A periodic response at a bifurcation, on a curve of such bifurcations.
 #[derive(Clone, Debug, PartialEq)]

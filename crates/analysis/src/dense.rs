@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use resonarm_numeric::registers::{Task, widest};
 
-use super::AnalysisError;
+use crate::error::AnalysisError;
 
 /// Inverse iterations for null vectors.
 const INVERSE_ITERATIONS: usize = 3;

@@ -22,10 +22,11 @@ use thiserror::Error;
 use super::balance::Balance;
 use super::continuation::{Continuation, Cut, Point, Slices, Work};
 use super::detect::point_of;
-use super::orbit::{Branch, BranchEnd, Orbit, TraceOptions};
 use super::switching::{SubHarmonicSearch, both_ways};
-use super::{Coordinate, Forced};
-use crate::{Bifurcation, BifurcationKind, BranchOptions, EndedEarly};
+use crate::branch_options::{BifurcationKind, BranchOptions};
+use crate::error::EndedEarly;
+use crate::forced::{Coordinate, Forced};
+use crate::orbit::{Bifurcation, Branch, BranchEnd, Orbit, TraceOptions};
 
 /// Harmonics with which responses are sought, for smooth forces and for others.
 const HARMONICS: [usize; 2] = [3, 5];

@@ -27,10 +27,11 @@ use super::crossing::{Crossing, crossing};
 use super::floquet::Floquet;
 use super::orbit::{Bifurcation, Orbit, ROUNDING, Stability, Unlocated};
 use super::singular::{Singular, Singularity};
+use crate::branch_options::BifurcationKind;
 use crate::continuation::{Cut, Point, Slices, System};
 use crate::dense::Determinant;
+use crate::error::AnalysisError;
 use crate::search::{FINE, search};
-use crate::{AnalysisError, BifurcationKind};
 
 use BifurcationKind::{BranchPoint, Fold, NeimarkSacker, PeriodDoubling};
 

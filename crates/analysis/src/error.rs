@@ -8,8 +8,8 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::StartAttempt;
 use super::continuation::StepRefusal;
+use crate::start::StartAttempt;
 use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::{rounded, short, significant};
 

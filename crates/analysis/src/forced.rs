@@ -11,7 +11,7 @@ use resonarm_dynamics::structure::{
 
 use super::unknowns::load_at_rest;
 use crate::dense::dot;
-use crate::{AnalysisError, Place};
+use crate::error::{AnalysisError, Place};
 
 /// A structure and its drive, amplitude · sin Ωt: a force along an axis at a point, or a torque at a joint; or several
 /// in phase, each with a share of the amplitude. The drive may have harmonics, [`Forced::with_harmonics`].

@@ -59,8 +59,6 @@ pub mod time_domain;
 mod unknowns;
 mod walk;
 
-use phase_zero::phase_zero_states;
-
 pub use backbone::{Backbone, BackboneOptions, BackboneOrbit, backbone};
 pub use bending::Bending;
 pub use branch::trace;

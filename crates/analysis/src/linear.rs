@@ -15,7 +15,7 @@ use resonarm_numeric::linear_solve::solve_complex;
 use resonarm_numeric::number::short;
 
 use super::unknowns::load_at_rest;
-use crate::Quantity;
+use crate::quantity::Quantity;
 
 /// Error of a frequency response that does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]

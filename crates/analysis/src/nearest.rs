@@ -1,6 +1,6 @@
 //! The point of a branch that is nearest to a measured response.
 
-use super::Orbit;
+use crate::orbit::Orbit;
 
 /// Relative deviations that count as equal distances in a search for the nearest point.
 #[derive(Clone, Copy, Debug, PartialEq)]

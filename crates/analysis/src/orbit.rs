@@ -7,9 +7,9 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 use resonarm_dynamics::structure::{Dof, Element, Law};
 
-use super::{Coordinate, Forced};
+use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::continuation::{ContinuationSettings, Work};
-use crate::{BifurcationKind, BranchOptions};
+use crate::forced::{Coordinate, Forced};
 
 /// Whether the stability of the responses is computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,9 +4,9 @@ use alloc::vec::Vec;
 
 use super::balance::Balance;
 use super::detect::point_of;
-use super::orbit::Orbit;
-use super::{Branch, Coordinate, Forced, TraceOptions};
 use crate::continuation::at_parameter;
+use crate::forced::{Coordinate, Forced};
+use crate::orbit::{Branch, Orbit, TraceOptions};
 
 /// Returns the states, at phase 0 and at one frequency, Hz, of the responses of a branch over the frequency:
 /// coordinates, rates, states of elements. Each is solved for between its neighbours on the branch, or is the first of

@@ -11,13 +11,13 @@ use resonarm_dynamics::structure::{
 };
 use resonarm_numeric::dft::Fft;
 
-use super::Forced;
 use super::contact::{Acting, Instant, Motion, Part, parts};
 use super::dense::add;
 use super::history::History;
 use super::ramp::Ramp;
 use super::spectral::values;
 use super::unknowns::{Body, Unknowns, Weights};
+use crate::forced::Forced;
 use crate::fourier::{Basis, uniform};
 
 /// The least number of samples for which a fast transform is worth its preparation.

@@ -1,7 +1,7 @@
 //! Locates a bifurcation between two neighbouring points where a test function changes sign.
 
-use super::AnalysisError;
 use super::continuation::{ContinuationSettings, Cut, Point, Slices, System, not_located};
+use crate::error::AnalysisError;
 
 /// Tolerance of a search, as a fraction of a segment.
 pub(crate) const FINE: f64 = 1e-12;

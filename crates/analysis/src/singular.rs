@@ -28,13 +28,13 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::Coordinate;
 use super::adapt::Spectral;
 use super::balance::Balance;
 use super::orbit::Orbit;
-use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, System, Work};
 use crate::dense::{Lu, normalise};
+use crate::error::AnalysisError;
+use crate::forced::Coordinate;
 
 /// The matrix that is singular.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,8 +10,9 @@ use super::adapt::adapt;
 use super::balance::{Balance, Homotopy, unit_deflection};
 use super::orbit::TraceOptions;
 use super::start_near::start_near;
+use crate::branch_options::BranchOptions;
 use crate::continuation::{Continuation, ContinuationSettings, StepRefusal, System, at_parameter};
-use crate::{AnalysisError, BranchOptions};
+use crate::error::AnalysisError;
 
 /// Harmonics of the homotopy, for smooth forces and for others, in the order in which they are tried. The first response
 /// is then corrected with as many as it needs.

@@ -11,14 +11,14 @@ use alloc::vec::Vec;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::{Dof, StepError, Stepper};
 
-use super::Forced;
 use super::balance::Balance;
 use super::orbit::TraceOptions;
 use super::start::begin;
 use super::unknowns::Body;
-use crate::AnalysisError;
 use crate::continuation::{Continuation, StepRefusal, System};
 use crate::dense::dot;
+use crate::error::AnalysisError;
+use crate::forced::Forced;
 use crate::fourier::Basis;
 
 /// Samples of a period.

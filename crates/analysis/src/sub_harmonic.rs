@@ -15,10 +15,11 @@ use super::balance::Balance;
 use super::detect::point_of;
 use super::orbit::{Branch, BranchEnd, Orbit, TraceOptions};
 use super::switching::SubHarmonicSearch;
-use super::{Coordinate, Forced};
+use crate::branch_options::BifurcationKind;
 use crate::continuation::{Continuation, System as _, at_parameter};
 use crate::dense::{Lu, dot, norm};
-use crate::{AnalysisError, BifurcationKind};
+use crate::error::AnalysisError;
+use crate::forced::{Coordinate, Forced};
 
 /// Frequencies of the interval, or values of another coordinate, at which they are sought.
 const PLACES: usize = 5;

@@ -21,9 +21,10 @@ use super::detect::{chord, point_of};
 use super::orbit::{Bifurcation, Branch, BranchEnd, TraceOptions};
 use super::singular::{Singular, Singularity, doubled};
 use super::sub_harmonic::Places;
-use super::{Coordinate, Forced};
+use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::continuation::{Continuation, StepRefusal, System as _};
-use crate::{AnalysisError, BifurcationKind, BranchOptions, EndedEarly};
+use crate::error::{AnalysisError, EndedEarly};
+use crate::forced::{Coordinate, Forced};
 
 /// The longest period, in those of the drive, whose branches are followed: beyond it, the doublings of a cascade follow
 /// each other ever more closely.

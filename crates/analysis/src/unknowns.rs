@@ -25,8 +25,8 @@ use nalgebra::Complex;
 
 use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Polynomial};
 
-use super::Forced;
-use crate::AnalysisError;
+use crate::error::AnalysisError;
+use crate::forced::Forced;
 
 /// Displacements between points below this fraction of those of the points are rounding.
 const RIGID: f64 = 1e-9;

@@ -8,9 +8,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::balance::Balance;
-use crate::AnalysisError;
 use crate::continuation::{Continuation, ContinuationSettings, Point, System, Work};
 use crate::dense::Lu;
+use crate::error::AnalysisError;
 
 /// Distances ahead of a corner at which the direction beyond it is sought, relative to the size of the response.
 const REACHES: [f64; 4] = [1e-6, 1e-5, 1e-4, 1e-3];

@@ -8,7 +8,8 @@ use resonarm_specification::verdict::{Begin, ShockVerdict, SineVerdict, judge_sh
 use resonarm_specification::{Specification, Test};
 use serde::Serialize;
 
-use crate::{Record, random, shock, sine};
+use crate::record::Record;
+use crate::{random, shock, sine};
 
 /// What the plant does while the controller runs. Faults act on the control channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -12,11 +12,10 @@ use resonarm_numeric::distribution::chi_square_quantile;
 use resonarm_specification::verdict::{self, RandomOptions, RandomVerdict, judge_random};
 use resonarm_specification::{Average, RandomTest, Test};
 
-use crate::case::{Judged, NO_LEVEL, SETTLE_S};
+use crate::case::{Base, Case, Context, Finding, Judged, Measure, NO_LEVEL, SETTLE_S, Stimulus, Verdict};
 use crate::reaction::{RISE_S, Reaction};
-use crate::record::{db, largest, rms, running_rms};
+use crate::record::{Record, db, largest, rms, running_rms};
 use crate::spectrum::Segments;
-use crate::{Base, Case, Context, Finding, Measure, Record, Stimulus, Verdict};
 
 /// Window over which the level is searched for, s, and how far it may be from the full level, dB.
 const LEVEL_S: f64 = 2.0;

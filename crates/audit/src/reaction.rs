@@ -3,8 +3,8 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::record::{largest, rms};
-use crate::{Measure, Record};
+use crate::case::Measure;
+use crate::record::{Record, largest, rms};
 
 /// The end of a drive after a stimulus.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -3,8 +3,7 @@
 use resonarm_specification::verdict::{ShockVerdict, Shot};
 use resonarm_specification::{ShockTest, Test};
 
-use crate::case::Judged;
-use crate::{Case, Context, Finding, Measure, Stimulus};
+use crate::case::{Case, Context, Finding, Judged, Measure, Stimulus};
 
 pub(crate) const CASES: &[Case] = &[
     Case {

@@ -6,11 +6,10 @@ use core::ops::Range;
 use resonarm_specification::verdict::SineVerdict;
 use resonarm_specification::{SineTest, SweepRate, Test};
 
-use crate::case::{Judged, NO_LEVEL};
+use crate::case::{Base, Case, Context, Finding, Judged, Measure, NO_LEVEL, Stimulus};
 use crate::random::{ended, refuses_within};
 use crate::reaction::Reaction;
 use crate::record::{largest, running_rms};
-use crate::{Base, Case, Context, Finding, Measure, Stimulus};
 
 /// Time without samples, s.
 const GAP_S: f64 = 0.15;

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::str::FromStr;
 
-use super::BusError;
+use crate::error::BusError;
 
 /// Address of a bus to open.
 ///

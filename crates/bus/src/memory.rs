@@ -18,7 +18,8 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use rustix::thread::futex;
 
 use super::deadline::Deadline;
-use super::{Bus, BusError, Filter, Received, Sent, Statistics, VirtualBus, accepts};
+use super::{Bus, Filter, Received, Sent, Statistics, VirtualBus, accepts};
+use crate::error::BusError;
 
 /// A bus with `nodes` ends. Each end keeps up to `capacity` frames not yet received from each other end; what comes in
 /// beyond that is lost to this end and counted in its [`Statistics::dropped`], whether or not its filters want it.

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use super::{Case, Finding, Settings, Verdict};
+use super::{Finding, Verdict};
+use crate::cases::Case;
+use crate::settings::Settings;
 use resonarm_bus::Received;
 use resonarm_files::recording::{
     Channel, Configuration, Direction, Event, Existing, FrameRecord, Options, Record, Recorder, RecordingError, Summary,

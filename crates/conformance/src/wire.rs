@@ -2,8 +2,10 @@
 
 use core::time::Duration;
 
+use super::Finding;
 use super::inject::{Controller, Process};
-use super::{Case, Evidence, Finding};
+use crate::cases::Case;
+use crate::evidence::Evidence;
 use resonarm_bus::{Bus, BusError, Received, Sent};
 use resonarm_protocol::Frame;
 use resonarm_realtime::{Clock, SystemClock};

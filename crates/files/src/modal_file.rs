@@ -15,8 +15,8 @@ use std::path::Path;
 use nalgebra::Complex;
 
 use crate::responses::MeasuredQuantity;
+use crate::staged::write_whole;
 use crate::universal::{DELIMITER, NONE, axis, e20, in_13, units, words80};
-use crate::write_whole;
 
 /// Specific data types of dataset 58: frequency, force.
 const FREQUENCY: u32 = 18;

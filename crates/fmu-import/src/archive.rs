@@ -9,7 +9,7 @@ use std::sync::Arc;
 use sha2::{Digest, Sha256};
 use zip::ZipArchive;
 
-use crate::ImportError;
+use crate::error::ImportError;
 
 /// The most bytes of all files of an FMU: libraries of tools have hundreds of MB.
 const MOST_BYTES: u64 = 2_000_000_000;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::ImportError;
+use crate::error::ImportError;
 use crate::units::{self, Unit};
 
 /// The most elements and texts of a description: some 100 000 variables.

@@ -2,8 +2,8 @@
 
 use std::io::{BufReader, Error, ErrorKind, PipeReader, PipeWriter, Write};
 
-use crate::ImportError;
 use crate::description::Version;
+use crate::error::ImportError;
 use crate::message::{Answer, Request, StepCall, Stepped};
 use crate::process::{FarEnds, Guard};
 use crate::source::Source;

@@ -5,7 +5,8 @@ mod variable;
 use std::collections::BTreeMap;
 
 use crate::description::Description;
-use crate::{ImportError, OutputsOf, ReadAt, Spec};
+use crate::error::ImportError;
+use crate::spec::{OutputsOf, ReadAt, Spec};
 use resonarm_bench::rig::{Load, MOST_JOINTS};
 use resonarm_bench::structure::{
     Channel, Coordinates, LoadSet, NamedReading, Quantity, coordinate_channels, named_readings,

@@ -2,8 +2,9 @@
 
 use crate::archive::Archive;
 use crate::description::Description;
+use crate::error::ImportError;
 use crate::mapping::Mapping;
-use crate::{ImportError, ReadAt, Spec};
+use crate::spec::{ReadAt, Spec};
 use resonarm_numeric::number::short;
 
 /// An FMU with what is wanted of it.

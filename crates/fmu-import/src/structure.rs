@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use crate::error::ImportError;
 use crate::instance::Instance;
 use crate::mapping::{Sensed, Slot};
 use crate::source::Source;
-use crate::{ImportError, ReadAt};
+use crate::spec::ReadAt;
 use resonarm_bench::plant::{Kinematics, Plant, PlantSpec, PlantSpecError, Stepped, instant};
 use resonarm_bench::rig::{Load, Rig};
 use resonarm_bench::structure::{Channel, ForeignFault, LOADS, LoadSet, OUTPUTS, Structure, StructureError};

@@ -6,8 +6,8 @@
 
 use std::collections::VecDeque;
 
-use crate::Fault;
 use crate::content::TxClock;
+use crate::fault::Fault;
 use crate::model::{Inputs, Model, Span};
 use crate::operation::{BusErrorCode, Operation};
 use crate::terminal::Terminal;

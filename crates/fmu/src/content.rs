@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::Fault;
+use crate::fault::Fault;
 use resonarm_bench::control::ControlSpec;
 use resonarm_bench::excitation::{LoadFile, Waveform};
 use resonarm_scenario::{Scenario, ScenarioError};

@@ -6,11 +6,11 @@ use std::{fs, io};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::Fault;
 use crate::archive::{Files, pack};
 use crate::content::{Content, Interface, Role, Settings, VERSION, token};
 use crate::description::{IDENTIFIER, model_description};
 use crate::documentation::{LICENSE, index};
+use crate::fault::Fault;
 use crate::model::{self, Parameters};
 use crate::terminals::{MANIFEST, TERMINALS, manifest, terminals_and_icons};
 use resonarm_files::write_whole;

@@ -1,9 +1,8 @@
 //! Simulation of an instance.
 
-use crate::Fault;
 use crate::bus::BusModel;
 use crate::content::{Content, Interface, Role, Settings};
-use crate::fault::WrongCall;
+use crate::fault::{Fault, WrongCall};
 use crate::node::{Node, SavedNode};
 use crate::signals::{SavedSignals, Signals};
 use crate::terminal::Terminal;

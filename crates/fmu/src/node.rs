@@ -6,9 +6,8 @@
 
 use std::sync::Arc;
 
-use crate::Fault;
 use crate::content::TxClock;
-use crate::fault::WrongCall;
+use crate::fault::{Fault, WrongCall};
 use crate::model::{Inputs, Model, NO_STATES, Saved, Span, of_other_interface, reached};
 use crate::operation::{BusErrorCode, Operation, Status};
 use crate::tape::{Mark, Tape};

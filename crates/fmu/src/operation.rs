@@ -3,7 +3,7 @@
 //! An operation is its code, u32, its length with this head, u32, and its fields, little-endian. Several follow each
 //! other without a gap.
 
-use crate::Fault;
+use crate::fault::Fault;
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 /// The media type of the bytes.

@@ -9,7 +9,7 @@
 
 use std::sync::Arc;
 
-use crate::Fault;
+use crate::fault::Fault;
 use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, of_other_interface, reached};
 use crate::tape::{Mark, Tape};
 use crate::variables::Source;

@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
 
-use crate::Fault;
+use crate::fault::Fault;
 use resonarm_bus::Statistics;
 use resonarm_files::recording::{Channel, Record, Recorder, RecordingError};
 use resonarm_session::run::Session;

@@ -1,7 +1,7 @@
 //! A terminal of FMI-LS-BUS: bytes that leave by the clock Tx and come in by the clock Rx.
 
-use crate::Fault;
 use crate::content::TxClock;
+use crate::fault::Fault;
 use crate::operation::{self, Operation};
 
 /// The most bytes that wait for the importer: seconds of a full bus.

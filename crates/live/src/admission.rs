@@ -12,7 +12,7 @@ use std::net::IpAddr;
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 
-use super::LiveError;
+use crate::error::LiveError;
 
 /// Bytes of a token: 128 bits can't be guessed.
 const TOKEN_BYTES: usize = 16;

@@ -3,8 +3,8 @@
 use std::sync::mpsc;
 use std::thread;
 
-use super::LiveError;
 use super::message::BranchLines;
+use crate::error::LiveError;
 
 /// Computes the branch from the lowest to the highest of these frequencies, Hz, and a little beyond; `None` if it can't
 /// be traced.

@@ -7,11 +7,11 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
 
-use super::LiveError;
 use super::branches::lower_priority;
 use super::message::{PlayerOrder, PlayerStatus};
 use super::model::SHOWN_S;
 use super::source::{Played, Player, Source};
+use crate::error::LiveError;
 use resonarm_bench::control::ResponsePoint;
 use resonarm_files::recording::{Record, Recording, RecordingError, Records, TickRecord};
 use resonarm_realtime::{Clock, SystemClock};

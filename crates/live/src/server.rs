@@ -23,7 +23,8 @@ use super::foxglove::{self, Stream};
 use super::model::Model;
 use super::shared::{Shared, lock};
 use super::source::Source;
-use super::{LiveError, page, viewer};
+use super::{page, viewer};
+use crate::error::LiveError;
 use resonarm_files::drawing::Drawing;
 
 /// Interval between updates: thirty a second.

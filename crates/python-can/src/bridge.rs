@@ -15,9 +15,9 @@ use pyo3::prelude::*;
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer};
 
-use super::error::Operation;
 use super::message::{ErrorFrames, Incoming};
-use super::{PythonCanError, exception, message};
+use super::{exception, message};
+use crate::error::{Operation, PythonCanError};
 use resonarm_bus::Filter;
 use resonarm_bus::socketcan::{MEMINFO_BYTES, drops_in};
 

@@ -12,9 +12,9 @@ use pyo3::prelude::*;
 use resonarm_protocol::Frame;
 
 use super::bridge::{Driver, Shared, Taken, is_queue_full, kernel_drops};
-use super::error::Operation;
 use super::message::Incoming;
-use super::{PythonCanError, exception, message};
+use super::{exception, message};
+use crate::error::{Operation, PythonCanError};
 use resonarm_bus::deadline::Deadline;
 use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Filter, Sent};

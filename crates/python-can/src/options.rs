@@ -2,7 +2,7 @@
 
 use pyo3::IntoPyObjectRef;
 
-use super::PythonCanError;
+use crate::error::PythonCanError;
 
 /// The options, checked as far as they can be without Python.
 #[derive(Debug, PartialEq)]

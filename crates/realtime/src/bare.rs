@@ -1,7 +1,8 @@
 //! An empty loop: the machine's latency, to compare a run's figures with.
 
-use super::clock::wait_until;
-use super::{Clock, LatencyHistogram, SampleRate};
+use crate::clock::{Clock, wait_until};
+use crate::latency::LatencyHistogram;
+use crate::rate::SampleRate;
 
 /// Counts into `latencies` how late a loop wakes up that does nothing else, for `ticks` ticks at `rate`: it sleeps
 /// until tick k is due, at start + k / rate, and looks at the clock, as cyclictest does (rt-tests). The last `spin_ns`

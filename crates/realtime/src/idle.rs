@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
 
-use super::{Shortfall, Wanted};
+use crate::thread::{Shortfall, Wanted};
 
 /// The kernel's interface for the longest wake-up latency that a user tolerates (kernel documentation, "PM Quality Of
 /// Service Interface").

@@ -53,9 +53,10 @@ use core::str::FromStr;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::clock::wait_until;
-use super::latency::HistogramError;
-use super::{Clock, LatencyHistogram, OverrunCause, OverrunCauses, Percentiles, SampleRate};
+use crate::clock::{Clock, wait_until};
+use crate::latency::{HistogramError, LatencyHistogram, Percentiles};
+use crate::overrun_cause::{OverrunCause, OverrunCauses};
+use crate::rate::SampleRate;
 
 /// Time by which a tick may be behind its deadline: 1 s. A loop further behind ends with
 /// [`PeriodicError::TooFarBehind`]. Only [`OverrunPolicy::Slip`], which does not catch up on ticks that old, continues.

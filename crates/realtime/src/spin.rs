@@ -6,7 +6,9 @@ use core::str::FromStr;
 use serde::Serialize;
 use thiserror::Error;
 
-use super::{Clock, HistogramError, LatencyHistogram, SampleRate};
+use crate::clock::Clock;
+use crate::latency::{HistogramError, LatencyHistogram};
+use crate::rate::SampleRate;
 use resonarm_numeric::number::short;
 
 /// The largest fraction of a period that a loop spins: a quarter, so that a thread that can't be preempted leaves

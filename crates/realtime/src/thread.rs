@@ -9,9 +9,9 @@ use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
 use serde::Serialize;
 
-use super::CoresAwake;
 use super::priority::{FifoPriority, set_fifo};
 use super::privileges::{allowed_cores, fix_for_memory_lock, fix_for_priority, memory_lock_limit_bytes};
+use crate::idle::CoresAwake;
 
 /// Bytes of its stack that [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
 pub const PREFAULT_STACK_BYTES: usize = 256 * 1024;

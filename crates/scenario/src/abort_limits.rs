@@ -1,7 +1,8 @@
 //! Checks the section `[limits]` against the load and the instruments when a scenario is read, so that a limit
 //! that could never act, or that would end every run, is an error at once.
 
-use super::{Scenario, ScenarioError};
+use super::Scenario;
+use crate::error::ScenarioError;
 use resonarm_bench::control::LimitsSpec;
 use resonarm_bench::rig::{InstrumentName, Load};
 use resonarm_protocol::scaling::{ACCELERATION, FORCE};

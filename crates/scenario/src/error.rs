@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::{StructureSectionError, WireError};
 use crate::specification::SpecificationFileError;
+use crate::structure::StructureSectionError;
 use crate::toml_error::TomlError;
+use crate::wire::WireError;
 use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
 use resonarm_bench::plant::PlantSpecError;

@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use super::{ScenarioError, StructureKind, StructureSection};
+use crate::error::ScenarioError;
+use crate::structure::{StructureKind, StructureSection};
 use resonarm_dynamics::structure::{Assembly, BodySpec};
 use resonarm_numeric::number::short;
 

@@ -1,6 +1,6 @@
 //! Checks a load against what the exciter can produce and the protocol can state.
 
-use super::ScenarioError;
+use crate::error::ScenarioError;
 use resonarm_bench::rig::{Exciter, ExciterSpec, Load, MOST_JOINTS, ShakerSpec};
 use resonarm_bench::structure::LoadSet;
 use resonarm_protocol::Profile;

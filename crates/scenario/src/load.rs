@@ -1,6 +1,8 @@
 //! Bus load of Resonarm's own protocol at the bit rate that a scenario states.
 
-use super::{NetworkSection, Scenario, ScenarioError};
+use super::Scenario;
+use crate::error::ScenarioError;
+use crate::network::NetworkSection;
 use resonarm_bus::timed;
 use resonarm_protocol::bits::{BitRates, Bits, Stuffing};
 use resonarm_protocol::load::{Stream, bits_per_second, share, streams};

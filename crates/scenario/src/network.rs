@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Scenario, ScenarioError};
+use super::Scenario;
+use crate::error::ScenarioError;
 use resonarm_bench::node::Timing;
 use resonarm_bench::rig::Converter;
 use resonarm_bus::fault::{self, FaultSpec};

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::{Scenario, ScenarioError};
+use super::Scenario;
 use crate::configuration::Configuration;
+use crate::error::ScenarioError;
 use crate::specification;
 use crate::structure::StructureKind;
 use resonarm_bench::control::ControlSpec;

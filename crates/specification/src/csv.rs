@@ -3,7 +3,8 @@
 use alloc::borrow::ToOwned;
 use alloc::vec::Vec;
 
-use crate::{GRAVITY_M_S2, SpecificationError};
+use crate::GRAVITY_M_S2;
+use crate::error::SpecificationError;
 
 /// Longest part of a line that a message quotes, characters.
 const QUOTED: usize = 60;

@@ -5,9 +5,10 @@ use alloc::vec::Vec;
 
 use serde::Deserialize;
 
+use crate::error::{Place, SpecificationError};
 use crate::profile::Corner;
+use crate::specification::Control;
 use crate::tolerance::ToleranceBand;
-use crate::{Control, Place, SpecificationError};
 
 /// A specification as it stands in a TOML file, unchecked; [`Specification::new`](crate::Specification::new) checks it.
 #[derive(Clone, Debug, PartialEq, Deserialize)]

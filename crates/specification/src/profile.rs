@@ -8,7 +8,7 @@ use core::f64::consts::{LOG10_2, TAU};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{Place, SpecificationError};
+use crate::error::{Place, SpecificationError};
 
 /// Breakpoint of a file: a point, or a slope that leads from the first point down or from the last one up.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]

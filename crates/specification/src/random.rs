@@ -7,11 +7,12 @@ use resonarm_modal::spectra::Segments;
 use resonarm_numeric::distribution::chi_square_quantile;
 use serde::Serialize;
 
+use crate::GRAVITY_M_S2;
+use crate::error::{Place, SpecificationError};
 use crate::file::{DensityUnit, RandomSection, ScheduleSection, any_positive, any_share, checked};
 use crate::profile::{Corner, Level, Profile};
 use crate::specification::corners;
 use crate::tolerance::Tolerance;
-use crate::{GRAVITY_M_S2, Place, SpecificationError};
 
 const SECTION: &str = "random";
 

@@ -8,9 +8,9 @@ use core::f64::consts::{PI, TAU};
 
 use serde::Serialize;
 
-use crate::error::{idle, missing};
+use crate::error::{Place, SpecificationError, idle, missing};
 use crate::file::{PulseName, ShockSection, ShotsEntry, any_positive, any_share, checked, positive};
-use crate::{GRAVITY_M_S2, Place, SpecificationError, csv};
+use crate::{GRAVITY_M_S2, csv};
 
 const SECTION: &str = "shock";
 

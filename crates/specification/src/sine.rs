@@ -8,10 +8,10 @@ use core::f64::consts::{LN_2, TAU};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::missing;
+use crate::GRAVITY_M_S2;
+use crate::error::{Place, SpecificationError, missing};
 use crate::file::{DwellSection, SegmentEntry, SineSection, any_positive, any_share, checked, positive};
 use crate::profile::{Corner, Level, Profile};
-use crate::{GRAVITY_M_S2, Place, SpecificationError};
 
 const SECTION: &str = "sine";
 /// Bandwidth of the judge's tracking filter over the frequency, by default.

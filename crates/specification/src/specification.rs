@@ -6,14 +6,14 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{idle, missing};
+use crate::csv;
+use crate::error::{SpecificationError, idle, missing};
 use crate::file::{Kind, LimitsSection, SpecificationFile, any_positive, checked};
 use crate::profile::{Corner, Profile};
 use crate::random::RandomTest;
 use crate::shock::ShockTest;
 use crate::sine::SineTest;
 use crate::srs::SrsTest;
-use crate::{SpecificationError, csv};
 
 /// A specification of a vibration or shock test.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use serde::Serialize;
 
-use crate::{Place, SpecificationError};
+use crate::error::{Place, SpecificationError};
 
 /// Tolerance that holds from a frequency on, up to the next one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

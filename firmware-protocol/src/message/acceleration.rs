@@ -1,6 +1,8 @@
 //! The accelerometers at points B and C.
 
-use super::{Measured, MessageKind, Payload};
+use super::kind::MessageKind;
+use super::payload::Payload;
+use super::sensors::Measured;
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::ACCELERATION;
 

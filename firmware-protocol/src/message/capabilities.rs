@@ -1,7 +1,7 @@
 //! The capabilities of a node of the FD profile, in addition to its hello.
 
-use super::MessageKind;
 use super::fd::{self, FdBytes, FdReader};
+use super::kind::MessageKind;
 use crate::error::{DecodeError, EncodeError};
 use crate::network::Node;
 

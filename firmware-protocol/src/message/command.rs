@@ -1,6 +1,7 @@
 //! The exciter's commands: a force at the tip, or torques at the joints.
 
-use super::{MessageKind, Payload};
+use super::kind::MessageKind;
+use super::payload::Payload;
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::{FORCE, TORQUE};
 

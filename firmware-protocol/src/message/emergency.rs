@@ -2,7 +2,10 @@
 
 use core::fmt;
 
-use super::{MessageKind, Mismatch, Payload, Refusal};
+use super::hello::Mismatch;
+use super::kind::MessageKind;
+use super::payload::Payload;
+use super::refusal::Refusal;
 use crate::error::DecodeError;
 use crate::network::Node;
 

@@ -11,7 +11,11 @@
 
 use core::ops::Range;
 
-use super::{Capabilities, ForceCommand, Message, MessageKind, SensorPair, Sensors, TorqueCommand};
+use super::Message;
+use super::capabilities::Capabilities;
+use super::command::{ForceCommand, TorqueCommand};
+use super::kind::MessageKind;
+use super::sensors::{SensorPair, Sensors};
 use crate::error::{DecodeError, EncodeError};
 
 /// The bytes of a frame; CRC and counter are still zero, and bytes beyond its length are not sent.

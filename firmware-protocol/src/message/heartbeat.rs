@@ -1,6 +1,7 @@
 //! The heartbeat as in CANopen (CiA 301, "heartbeat protocol").
 
-use super::{MessageKind, Payload};
+use super::kind::MessageKind;
+use super::payload::Payload;
 use crate::error::DecodeError;
 use crate::network::Node;
 use crate::state::NodeState;

@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use super::{MessageKind, Payload};
+use super::kind::MessageKind;
+use super::payload::Payload;
 use crate::error::{DecodeError, EncodeError};
 use crate::network::Profile;
 use crate::{PROTOCOL_VERSION, dbc};

@@ -1,6 +1,8 @@
 //! The impedance head at the tip: the force that acts there.
 
-use super::{Measured, MessageKind, Payload};
+use super::kind::MessageKind;
+use super::payload::Payload;
+use super::sensors::Measured;
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::FORCE;
 

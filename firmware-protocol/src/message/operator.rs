@@ -1,6 +1,7 @@
 //! The operator's command: arm, disarm, reset.
 
-use super::{MessageKind, Payload};
+use super::kind::MessageKind;
+use super::payload::Payload;
 use crate::error::DecodeError;
 use crate::network::Node;
 use crate::state::StateEvent;

@@ -1,6 +1,7 @@
 //! The common layout of protected messages: four flag bits and six bytes besides CRC and counter.
 
-use super::{Measured, MessageKind};
+use super::kind::MessageKind;
+use super::sensors::Measured;
 use crate::error::{DecodeError, EncodeError};
 use crate::scaling::{Count, RAW_NOT_AVAILABLE, Scale};
 

@@ -1,7 +1,9 @@
 //! The readings of all instruments, as the FD profile sends them.
 
+use super::acceleration::Acceleration;
 use super::fd::{self, FdBytes, FdReader};
-use super::{Acceleration, ImpedanceHead, MessageKind};
+use super::impedance_head::ImpedanceHead;
+use super::kind::MessageKind;
 use crate::error::{DecodeError, EncodeError};
 
 /// Reading of one instrument along one axis.

@@ -2,11 +2,17 @@
 
 use core::fmt;
 
-use super::{
-    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Measured,
-    Message, MessageKind, OperatorCommand, OperatorRequest, SamplesPerFrame, SensorPair, SensorValues, Sensors,
-    TorqueCommand, Version,
-};
+use super::Message;
+use super::acceleration::Acceleration;
+use super::capabilities::{Capabilities, SamplesPerFrame};
+use super::command::{ForceCommand, TorqueCommand};
+use super::emergency::{Emergency, EmergencyCode};
+use super::heartbeat::Heartbeat;
+use super::hello::{Hello, Version};
+use super::impedance_head::ImpedanceHead;
+use super::kind::MessageKind;
+use super::operator::{OperatorCommand, OperatorRequest};
+use super::sensors::{Measured, SensorPair, SensorValues, Sensors};
 use crate::network::{Node, Profile};
 use crate::state::NodeState;
 

@@ -2,7 +2,7 @@
 
 use core::fmt::Debug;
 
-use crate::{Emergency, SensorValues};
+use crate::message::{Emergency, SensorValues};
 
 /// The answer to a sample; `A` is a controller's reason to give up.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,9 @@
 //! The events of a node.
 
 use super::frames::FrameFault;
-use crate::{Emergency, Id, NodeState, Refusal};
+use crate::frame::Id;
+use crate::message::{Emergency, Refusal};
+use crate::state::NodeState;
 
 /// An event of a node, whatever protocol it speaks.
 #[derive(Clone, Copy, Debug, PartialEq)]

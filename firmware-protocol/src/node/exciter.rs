@@ -1,13 +1,18 @@
 //! The exciter's node: arms the plant, lets a controller answer its samples, disarms it.
 
+use super::event::NodeEvent;
 use super::link::{Link, Unused};
+use super::node_core::NodeCore;
 use super::sequence::{Place, Sequence};
-use super::{NodeCore, NodeEvent, Phase, Timing, Work};
-use crate::{
-    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Frame, Heartbeat, Hello, ImpedanceHead,
-    Message, Mismatch, Network, Node, NodeState, OperatorCommand, OperatorRequest, SensorPair, SensorValues, Sensors,
-    TorqueCommand,
+use super::timing::Timing;
+use super::work::{Phase, Work};
+use crate::frame::Frame;
+use crate::message::{
+    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Message,
+    Mismatch, OperatorCommand, OperatorRequest, SensorPair, SensorValues, Sensors, TorqueCommand,
 };
+use crate::network::{Network, Node};
+use crate::state::NodeState;
 
 use super::answering::{Answer, Answering, ExciterOutcome};
 

@@ -2,7 +2,8 @@
 
 use core::fmt;
 
-use crate::{DecodeError, Id};
+use crate::error::DecodeError;
+use crate::frame::Id;
 
 /// Counts of the frames that a node dropped, rejected or changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

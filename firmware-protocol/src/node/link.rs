@@ -1,12 +1,18 @@
 //! The common part of both nodes on Resonarm's protocol: transmitter and receiver, heartbeats and hellos.
 
-use crate::{
-    Capabilities, DecodeError, Emergency, EncodeError, Frame, FrameFormat, Heartbeat, Hello, Id, Message, MessageKind,
-    Network, Node, NodeState, Profile, Receiver, SamplesPerFrame, StateEvent, Transmitter,
-};
+use super::event::NodeEvent;
+use super::frames::FrameFault;
+use super::node_core::NodeCore;
+use super::timing::Timing;
+use crate::error::{DecodeError, EncodeError};
+use crate::frame::{Frame, FrameFormat, Id};
+use crate::message::{Capabilities, Emergency, Heartbeat, Hello, Message, MessageKind, SamplesPerFrame};
+use crate::network::{Network, Node, Profile};
+use crate::receiver::Receiver;
+use crate::state::{NodeState, StateEvent};
+use crate::transmitter::Transmitter;
 
 use super::outbox::Outbox;
-use super::{FrameFault, NodeCore, NodeEvent, Timing};
 
 /// Reason for which a frame of the protocol is no message for this node.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,11 +4,14 @@
 //! in a ring of their own that never loses the newest state. Everything else is a note: of those the newest are dropped
 //! when too many wait, and [`NodeEvent::Lost`] tells how many.
 
+use super::event::NodeEvent;
 use super::frames::{FrameCounts, FrameFault};
 use super::listening::Listening;
 use super::queue::Queue;
-use super::{NodeEvent, Timing};
-use crate::{Emergency, Id, NodeState, StateEvent};
+use super::timing::Timing;
+use crate::frame::Id;
+use crate::message::Emergency;
+use crate::state::{NodeState, StateEvent};
 
 /// Transitions that wait to be fetched one by one. Where more wait, the last one leads to the newest state.
 const TURNS: usize = 16;

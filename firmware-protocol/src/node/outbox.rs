@@ -6,9 +6,9 @@
 
 use super::queue::Queue;
 use crate::content::Content;
-use crate::{
-    Capabilities, Emergency, EncodeError, Heartbeat, Hello, Message, MessageKind, Network, Node, OperatorCommand,
-};
+use crate::error::EncodeError;
+use crate::message::{Capabilities, Emergency, Heartbeat, Hello, Message, MessageKind, OperatorCommand};
+use crate::network::{Network, Node};
 
 /// Most messages in the queue. None waits twice in a row, so this is many changes of state.
 const CONTROL: usize = 32;

@@ -1,8 +1,11 @@
 //! The work of an exciter, whatever protocol it speaks.
 
 use super::answering::{Answering, ExciterOutcome};
-use super::{NodeCore, Timing};
-use crate::{Emergency, EmergencyCode, Node, StateEvent};
+use super::node_core::NodeCore;
+use super::timing::Timing;
+use crate::message::{Emergency, EmergencyCode};
+use crate::network::Node;
+use crate::state::StateEvent;
 
 /// Number of times that a plant that is silent, or that says it is armed, is asked to disarm.
 const SILENT_TRIES: u32 = 3;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::commands::conformance::chosen;
+use super::conformance::chosen;
 use crate::failure::{Failure, Verdict};
 use crate::help::heading;
 use crate::output::{self, Inputs, JsonFlag};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::commands::protocol::NetworkFlags;
+use super::protocol::NetworkFlags;
 use crate::failure::{Failure, Verdict};
 use crate::flags;
 use crate::help::heading;

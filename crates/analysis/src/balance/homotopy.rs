@@ -21,9 +21,10 @@ use alloc::vec::Vec;
 
 use resonarm_dynamics::structure::{Element, Law, Linear};
 
-use super::{Balance, Body, Component, Pair};
-use crate::StartStructure;
+use super::{Balance, Body, Pair};
 use crate::continuation::System;
+use crate::forced::Component;
+use crate::start::StartStructure;
 
 /// Below this damping ratio a mode counts as undamped.
 const UNDAMPED: f64 = 1e-3;

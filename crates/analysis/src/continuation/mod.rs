@@ -34,7 +34,7 @@ pub use predictor_corrector::Continuation;
 pub(super) use slices::{Cut, Slices, at_parameter};
 
 use super::dense::norm;
-use super::{AnalysisError, Place};
+use crate::error::{AnalysisError, Place};
 
 pub use super::dense::Determinant;
 

@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 
 use super::newton::{NEWTON_LIMIT, Plane, Solver};
 use super::{ContinuationSettings, Point, StepRefusal, System, Work};
-use crate::AnalysisError;
 use crate::dense::{Determinant, dot, norm, normalise};
+use crate::error::AnalysisError;
 
 /// The largest correction, as a fraction of the step.
 const CORRECTION_SHARE: f64 = 0.3;

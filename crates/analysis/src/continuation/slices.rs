@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 
 use super::newton::{PATIENT_LIMIT, Plane, Solver};
 use super::{ContinuationSettings, Point, System};
-use crate::AnalysisError;
 use crate::dense::{dot, norm, normalise};
+use crate::error::AnalysisError;
 
 /// The surfaces that cut a branch between two of its points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

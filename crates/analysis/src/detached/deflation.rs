@@ -24,11 +24,13 @@ use resonarm_numeric::noise::Noise;
 
 use super::{SAME, Searcher};
 use crate::balance::Balance;
+use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::continuation::{System, Work, at_parameter};
 use crate::dense::{Lu, dot, norm};
 use crate::detect::point_of;
+use crate::forced::Coordinate;
+use crate::orbit::Branch;
 use crate::start::begin;
-use crate::{BifurcationKind, Branch, BranchOptions, Coordinate};
 
 /// The sizes of random starts, over that of the largest response of the branch.
 pub(super) const SHARES: [f64; 2] = [0.5, 4.0];

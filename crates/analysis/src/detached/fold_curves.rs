@@ -6,10 +6,13 @@ use alloc::vec::Vec;
 use super::{SAME, Searcher};
 use crate::adapt::adapt;
 use crate::balance::Balance;
+use crate::branch::trace;
+use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::continuation::{Continuation, ContinuationSettings, Point, at_parameter};
 use crate::dense::norm;
+use crate::forced::Coordinate;
+use crate::orbit::{Assess, Branch, Orbit, TraceOptions};
 use crate::singular::{Singular, Singularity};
-use crate::{Assess, BifurcationKind, Branch, BranchOptions, Coordinate, Orbit, TraceOptions, trace};
 
 /// The truncation error along a curve: folds move far less than their responses.
 const TRUNCATION: f64 = 1e-3;

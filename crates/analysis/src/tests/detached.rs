@@ -8,10 +8,11 @@ use serde_json::Value;
 
 use super::starts::{cases as starts, forced};
 use super::{near, number, of_kind};
+use crate::phase_zero::phase_zero_states;
 use crate::time_domain::{SettleOptions, StroboscopicMap, reach, settle, stable_orbits};
 use crate::{
     BifurcationKind, Branch, BranchEnd, Coordinate, Forced, NotSearched, OriginKind, OtherBranches, OtherOptions,
-    SearchOptions, Searched, TraceOptions, phase_zero_states, trace_branches, trace_singular_curves,
+    SearchOptions, Searched, TraceOptions, trace_branches, trace_singular_curves,
 };
 use resonarm_dynamics::structure::Dof;
 

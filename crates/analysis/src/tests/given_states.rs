@@ -2,7 +2,7 @@
 
 use super::textbook::duffing;
 use super::*;
-use crate::phase_zero_state;
+use crate::phase_zero::{phase_zero_state, phase_zero_states};
 
 /// The first response of a branch that starts near a state.
 fn first_near(forced: &Forced, frequency_hz: f64, state: &[f64]) -> Result<Orbit, AnalysisError> {

@@ -5,14 +5,19 @@ use core::f64::consts::TAU;
 
 use resonarm_dynamics::structure::Dof;
 
-use super::StroboscopicMap;
+use super::error::TimeDomainError;
+use super::fates::{Attractor, BasinOutcome, fates};
+use super::fixed_point::FixedPoint;
+use super::map::StroboscopicMap;
 use super::measure::{Measured, measure};
-use crate::EndedEarly;
-use crate::time_domain::{Attractor, BasinOutcome, FixedPoint, SettleOptions, TimeDomainError, fates, follow};
-use crate::{
-    Branch, Coordinate, Forced, OtherBranch, OtherOptions, Reading, SearchOptions, TraceOptions, phase_zero_states,
-    trace, trace_branches,
-};
+use super::settle::{SettleOptions, follow};
+use crate::branch::trace;
+use crate::detached::SearchOptions;
+use crate::error::EndedEarly;
+use crate::forced::{Coordinate, Forced};
+use crate::orbit::{Branch, Reading, TraceOptions};
+use crate::phase_zero::phase_zero_states;
+use crate::switching::{OtherBranch, OtherOptions, trace_branches};
 
 /// The branch is traced between these multiples of the frequency, or of natural frequencies beside it, to find the responses
 /// at it.

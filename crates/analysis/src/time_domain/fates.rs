@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use super::TimeDomainError;
+use super::error::TimeDomainError;
 use super::fixed_point::{Approach, FixedPoint, Linearised, SAME_POINT};
 use super::map::StroboscopicMap;
 use super::settle::{CLOSURE, STRETCH};

@@ -8,13 +8,15 @@ use alloc::vec::Vec;
 
 use resonarm_dynamics::structure::Dof;
 
-use super::StroboscopicMap;
+use super::error::TimeDomainError;
+use super::map::StroboscopicMap;
+use super::sweep::{Grid, STEPS};
 use crate::balance::Balance;
-use crate::branch::Tracer;
+use crate::branch::{Tracer, trace};
+use crate::error::{AnalysisError, EndedEarly};
+use crate::forced::{Coordinate, Forced};
+use crate::orbit::{Branch, Orbit, TraceOptions};
 use crate::resonances::summits;
-use crate::time_domain::{Grid, STEPS, TimeDomainError};
-use crate::{AnalysisError, EndedEarly};
-use crate::{Branch, Coordinate, Forced, Orbit, TraceOptions, trace};
 
 /// A maximum of a displacement along a branch over the frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]

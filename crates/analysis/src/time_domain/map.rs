@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::{Assembly, Dof, STAGE_TIMES, SineSteps, StepError, Stepper};
 
-use super::TimeDomainError;
-use crate::Forced;
+use super::error::TimeDomainError;
+use crate::forced::Forced;
 
 /// Difference for the map's derivative, relative to the response's size: the error of central differences, its square
 /// times a sixth of the third derivative, and the rounding, 1e-16 over it, are then both near 1e-11.

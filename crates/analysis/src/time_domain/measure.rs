@@ -7,9 +7,10 @@ use core::f64::consts::TAU;
 use nalgebra::Complex;
 use resonarm_dynamics::structure::{Dof, StepError, Stepper};
 
-use super::StroboscopicMap;
-use crate::Reading;
-use crate::time_domain::{SettleOptions, TimeDomainError, follow};
+use super::error::TimeDomainError;
+use super::map::StroboscopicMap;
+use super::settle::{SettleOptions, follow};
+use crate::orbit::Reading;
 
 /// Periods over which an unsettled response is measured.
 const UNSETTLED_PERIODS: u32 = 64;

@@ -30,10 +30,5 @@ pub use path::{path, section_point};
 pub use settle::SettleOptions;
 pub use sweep::{Direction, Grid, Sweep};
 
-pub(crate) use fates::{Attractor, fates};
-pub(crate) use fixed_point::FixedPoint;
-pub(crate) use settle::follow;
-pub(crate) use sweep::STEPS;
-
 #[cfg(test)]
 mod tests;

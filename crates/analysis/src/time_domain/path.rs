@@ -5,9 +5,8 @@ use alloc::vec::Vec;
 
 use resonarm_dynamics::structure::{Assembly, Dof, StepError};
 
-use super::StroboscopicMap;
-use super::map::states;
-use crate::time_domain::TimeDomainError;
+use super::error::TimeDomainError;
+use super::map::{StroboscopicMap, states};
 
 /// States of a path in a period of the drive.
 const STATES: u32 = 400;

@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use nalgebra::DVector;
 
-use super::TimeDomainError;
+use super::error::TimeDomainError;
 use super::fixed_point::{Approach, FixedPoint};
 use super::map::{StroboscopicMap, size};
 

@@ -4,8 +4,9 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::{StroboscopicMap, TimeDomainError};
-use crate::{Coordinate, Forced};
+use super::error::TimeDomainError;
+use super::map::StroboscopicMap;
+use crate::forced::{Coordinate, Forced};
 
 /// Most points of a sweep.
 const MOST_POINTS: u32 = 1_000_000;

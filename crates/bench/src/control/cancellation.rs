@@ -34,8 +34,8 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::Modelled;
 use super::fourier_filter::{size, unit};
+use super::mode_model::Modelled;
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Measurement, Sampling};
 use resonarm_dynamics::structure::{Armature, Assembly, StructureMode};

@@ -6,10 +6,10 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Abort, Answer, ControlSpectrum, Controller, InstrumentAxis, Length, LoadKind, NeededReading, ReadingLimit,
-    ResponsePoint, SetPoint, StopReason, TestProgress,
-};
+use super::abort::{Abort, InstrumentAxis, ReadingLimit};
+use super::response::ResponsePoint;
+use super::test_control::{ControlSpectrum, StopReason, TestProgress};
+use super::{Answer, Controller, Length, LoadKind, NeededReading, SetPoint};
 use crate::rig::{InstrumentName, Load, Measurement, RigSpec};
 use crate::structure::{Channel, Point};
 

@@ -1,7 +1,7 @@
 //! Open loop: a profile is played regardless of the response.
 
-use super::response::ResponseReader;
-use super::{Answer, Controller, Length, LoadKind, ResponsePoint};
+use super::response::{ResponsePoint, ResponseReader};
+use super::{Answer, Controller, Length, LoadKind};
 use crate::excitation::Profile;
 use crate::rig::{Converter, Measurement, Sampling};
 

@@ -5,10 +5,11 @@ use alloc::boxed::Box;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{
-    Controller, ForceControl, ForceControlError, ForceControlSpec, Modelled, PhaseWalk, PhaseWalkError, PhaseWalkSpec,
-    ResponseControlSpec, TestControlError, TestControlSpec, TestController, TestLaw,
-};
+use super::Controller;
+use super::force_control::{ForceControl, ForceControlError, ForceControlSpec};
+use super::mode_model::Modelled;
+use super::phase_walk::{PhaseWalk, PhaseWalkError, PhaseWalkSpec, ResponseControlSpec};
+use super::test_control::{TestControlError, TestControlSpec, TestController, TestLaw};
 use crate::rig::{Load, Sampling};
 
 /// Control law of the exciter, with its settings.

@@ -12,8 +12,8 @@
 
 use core::f64::consts::TAU;
 
-use super::response::Reading;
-use super::{Answer, Controller, Length, LoadKind, ResponsePoint, SetPoint};
+use super::response::{Reading, ResponsePoint};
+use super::{Answer, Controller, Length, LoadKind, SetPoint};
 use crate::excitation::Window;
 use crate::rig::{Load, Measurement, Sampling};
 

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use thiserror::Error;
 
-use super::ExcitationError;
+use super::spec::ExcitationError;
 use resonarm_numeric::number::short;
 
 /// Loads of a file in any unit: they are scaled so that the amplitude is their peak.

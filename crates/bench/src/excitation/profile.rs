@@ -4,8 +4,9 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 
+use super::spec::{ExcitationError, ExcitationSpec};
 use super::synthesis::{self, Band};
-use super::{ExcitationError, ExcitationSpec, SweepLaw, Waveform};
+use super::waveform::{SweepLaw, Waveform};
 use crate::rig::Load;
 
 /// An excitation that is ready to be played, as a pure function of the sample's index.

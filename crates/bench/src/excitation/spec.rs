@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::Waveform;
+use super::waveform::Waveform;
 use crate::rig::Load;
 use resonarm_numeric::number::{rounded, short};
 

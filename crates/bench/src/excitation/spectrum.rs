@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::ExcitationError;
+use super::spec::ExcitationError;
 
 /// Largest number of breakpoints; the tables of test standards have some tens at most.
 const MOST_BREAKPOINTS: usize = 1000;

@@ -5,7 +5,9 @@ use core::f64::consts::PI;
 
 use nalgebra::Complex;
 
-use super::{ExcitationError, Phases, Spectrum};
+use super::spec::ExcitationError;
+use super::spectrum::Spectrum;
+use super::waveform::Phases;
 use resonarm_numeric::dft::{Fft, Lines};
 use resonarm_numeric::noise::Noise;
 

@@ -5,8 +5,9 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::spec::{check, not_negative, positive};
-use super::{ExcitationError, LoadFile, Spectrum};
+use super::load_file::LoadFile;
+use super::spec::{ExcitationError, check, not_negative, positive};
+use super::spectrum::Spectrum;
 
 /// Largest number of frequencies of a stepped sine, since each is stored.
 const MOST_STEPS: f64 = 1e5;

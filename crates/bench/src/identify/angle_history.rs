@@ -23,9 +23,9 @@ use alloc::vec::Vec;
 
 use nalgebra::Vector2;
 
-use super::IdentifyError;
 use super::double_integration::{Integration, Integrator, Pair};
 use super::droop::without_droop;
+use super::error::IdentifyError;
 use crate::rig::{Converter, RigSpec};
 
 /// Number of accelerations: B along x and y, C along x and y.

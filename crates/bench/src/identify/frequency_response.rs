@@ -5,7 +5,9 @@ use alloc::vec::Vec;
 use nalgebra::Complex;
 use resonarm_modal::spectra::{CrossSpectra, Segments, Signals, SpectraError};
 
-use super::{Band, IdentifyError, Record};
+use super::error::IdentifyError;
+use super::record::Record;
+use resonarm_modal::Band;
 
 /// Least number of samples of a segment.
 const LEAST_SEGMENT: usize = 16;

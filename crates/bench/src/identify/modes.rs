@@ -8,10 +8,11 @@ use nalgebra::Complex;
 use resonarm_modal as modal;
 use serde::Serialize;
 
+use super::error::IdentifyError;
+use super::record::Record;
 use super::words::{Names, Remark, of_doubt, of_warning};
-use super::{Band, IdentifyError, Record};
 use crate::rig::Converter;
-use resonarm_modal::{Channel, Floor, ModalError, Options, Quantity, ResponseFunction};
+use resonarm_modal::{Band, Channel, Floor, ModalError, Options, Quantity, ResponseFunction};
 
 /// Largest noise of a force at a mode, as a share of its power.
 pub const MOST_NOISE_SHARE: f64 = 0.01;

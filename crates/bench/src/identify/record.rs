@@ -6,10 +6,11 @@ use alloc::vec::Vec;
 
 use nalgebra::Complex;
 
+use super::error::IdentifyError;
 use super::places::RigPlaces;
-use super::{Band, IdentifyError};
 use crate::rig::{Conditioner, Converter, RigSpec};
 use crate::structure::Axis;
+use resonarm_modal::Band;
 use resonarm_numeric::dft;
 
 /// Least number of samples of a record; with fewer no band has enough lines.

@@ -5,7 +5,8 @@ use alloc::boxed::Box;
 use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
-use super::{TimeBase, sample};
+use super::sample;
+use super::wire::TimeBase;
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
 use crate::rig::{Load, Measurement, Readings};
 

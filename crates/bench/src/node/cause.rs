@@ -7,7 +7,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::FrameCheck;
+use resonarm_protocol::node::FrameCheck;
 use resonarm_protocol::{DecodeError, Frame};
 
 /// Cause of a plant's fault, beyond the code.

@@ -6,8 +6,8 @@ use core::fmt;
 use resonarm_protocol::node::{FrameCounts, NodeCore, NodeEvent, Work};
 use resonarm_protocol::{Emergency, Frame, NodeState};
 
-use super::exciter_lack::names;
-use super::{Carried, ExciterLack, ExciterNode, ExciterOutcome, ExciterRemark};
+use super::carried::{Carried, ExciterNode, ExciterOutcome};
+use super::exciter_lack::{ExciterLack, ExciterRemark, names};
 use crate::rig::{Load, Measurement};
 use crate::structure::{LOADS, LoadSet};
 

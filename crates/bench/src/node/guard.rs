@@ -1,13 +1,12 @@
 //! The path of a command to the structure, whatever the protocol: the gate with its limits, the hold, and the
 //! time for which it is valid. The guard arms, disarms and faults the node's core, and the load follows.
 
-use resonarm_protocol::node::{NodeCore, NodeEvent};
+use super::refusals::{Refusals, RefusedLoad};
+use resonarm_protocol::node::{NodeCore, NodeEvent, Timing};
 use resonarm_protocol::{CommandGate, Emergency, EmergencyCode, Node, NodeState, Refusal, StateEvent};
 
 use super::cause::{FaultCause, Unheeded};
 use super::hold::Hold;
-use super::refusals::RefusedLoad;
-use super::{Refusals, Timing};
 use crate::rig::{Exciter, GateSpec, Load};
 
 /// The gate of a plant's node, with the load that acts.

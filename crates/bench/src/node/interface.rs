@@ -7,8 +7,9 @@ use core::fmt;
 use resonarm_protocol::node::{FrameCounts, NodeCore, NodeEvent};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, NodeState, OperatorRequest};
 
+use super::cause::FaultCause;
 use super::guard::Guard;
-use super::{FaultCause, Refusals};
+use super::refusals::Refusals;
 use crate::rig::{Load, Measurement};
 use crate::structure::{ChannelName, States};
 

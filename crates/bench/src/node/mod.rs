@@ -37,7 +37,6 @@ mod refusals;
 mod sample;
 mod wire;
 
-use carried::retry_ns;
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
 pub use cause::{FaultCause, RefusedFor, RefusedFrame, Unheeded};
 pub use exciter_interface::ExciterInterface;

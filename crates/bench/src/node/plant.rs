@@ -3,15 +3,17 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use resonarm_protocol::node::{Link, NodeCore, Unused};
+use super::interface::{PlantInterface, PublishError, PublishedSample};
+use resonarm_protocol::node::{Link, NodeCore, NodeEvent, Timing, Unused};
 use resonarm_protocol::{
     Capabilities, Emergency, EmergencyCode, EncodeError, Frame, Heartbeat, Hello, Message, Mismatch, Network, Node,
-    NodeState, OperatorCommand, OperatorRequest, Profile, SamplesPerFrame, SensorPair, SensorValues, StateEvent, Trip,
+    NodeState, OperatorCommand, OperatorRequest, Profile, Refusal, SamplesPerFrame, SensorPair, SensorValues,
+    StateEvent, Trip,
 };
 
 use super::cause::RefusedFor;
 use super::guard::Guard;
-use super::{NodeEvent, PlantInterface, PublishError, PublishedSample, Refusal, Timing, sample};
+use super::sample;
 use crate::rig::{Exciter, GateSpec, Load, Measurement};
 
 /// The plant as a node: it publishes samples and accepts commands, which act only while it is armed.

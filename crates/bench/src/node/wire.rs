@@ -4,13 +4,16 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::cia402::{Cia402Exciter, Cia402Node, Cia402Spec};
+use super::exciter_interface::ExciterInterface;
+use super::exciter_lack::ExciterLack;
+use super::interface::PlantInterface;
 use super::mapped::MappedNode;
 use super::mapped::exciter::MappedExciter;
 use super::mapped::mapping::Mapping;
-use super::{ExciterInterface, ExciterLack, PlantInterface, Timing};
 use crate::control::Controller;
 use crate::rig::{Exciter, GateSpec};
 use resonarm_protocol::Id;
+use resonarm_protocol::node::Timing;
 
 /// Time at which the commands of a user protocol are judged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

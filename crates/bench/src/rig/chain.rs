@@ -13,9 +13,9 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::SensorSpec;
 use super::fault::Fault;
 use super::filter::Section;
+use super::sensor::SensorSpec;
 use crate::structure::Axis;
 use resonarm_numeric::noise::Noise;
 

@@ -1,7 +1,7 @@
 //! Conditioner of an instrument, applied to readings that have passed another one.
 
-use super::SensorSpec;
 use super::filter::Section;
+use super::sensor::SensorSpec;
 
 /// Filters and delay of an instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]

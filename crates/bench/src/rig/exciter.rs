@@ -3,8 +3,10 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{InstrumentName, PlaceName, Section, ShakerSpec};
-use crate::rig::Load;
+use super::load::Load;
+use super::name::{InstrumentName, Section};
+use super::place::PlaceName;
+use super::shaker::ShakerSpec;
 use resonarm_numeric::number::short;
 
 /// Errors of a rig's specification.

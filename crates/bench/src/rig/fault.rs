@@ -8,8 +8,10 @@ use alloc::boxed::Box;
 
 use serde::{Deserialize, Serialize};
 
-use super::chain::MOST_AXES;
-use super::{InstrumentName, Measured, Reading, RigError};
+use super::chain::{MOST_AXES, Reading};
+use super::exciter::RigError;
+use super::name::InstrumentName;
+use super::sensor::Measured;
 use crate::structure::Axis;
 use resonarm_numeric::noise::Noise;
 

@@ -3,8 +3,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Exciter, RigError, Section};
-use crate::rig::Load;
+use super::exciter::{Exciter, RigError};
+use super::load::Load;
+use super::name::Section;
 use resonarm_protocol::{CommandCheck, Limit};
 
 /// Limits of the gate in a scenario; by default there are none.

@@ -1,6 +1,6 @@
 //! Readings of the sensors that the protocol does not carry.
 
-use super::Reading;
+use super::chain::Reading;
 
 /// Largest number of channels of head and sensors together.
 pub const MOST_CHANNELS: usize = 32;

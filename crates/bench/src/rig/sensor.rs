@@ -9,7 +9,9 @@ use serde::de::{self, DeserializeSeed, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::{InstrumentName, PlaceName, RigError, Section};
+use super::exciter::RigError;
+use super::name::{InstrumentName, Section};
+use super::place::PlaceName;
 
 /// Longest delay of a conversion, samples.
 const MOST_DELAY_SAMPLES: u32 = 1000;

@@ -16,7 +16,9 @@
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use super::{Load, RigError, Section};
+use super::exciter::RigError;
+use super::load::Load;
+use super::name::Section;
 
 /// Largest force across the shaker that counts as rounding: two counts of the protocol, N, and, in the next
 /// constant, a share of the force, for sines and cosines that were rounded by hand.

@@ -7,8 +7,7 @@ use alloc::vec::Vec;
 
 use thiserror::Error;
 
-use super::channel::AXES;
-use super::{Axis, Channel, sensor_channels};
+use super::channel::{AXES, Axis, Channel, sensor_channels};
 use crate::rig::{InstrumentName, Measured, PlaceName, SensorSpec};
 
 /// A channel of a sensor, and the degree of freedom that it reads.

@@ -15,9 +15,9 @@ use resonarm_protocol::{Frame, Id, Node};
 pub use spec::{FaultDirection, FaultError, FaultKind, FaultNode, FaultSpec, MOST_FAULTS, check};
 
 use self::line::{Line, stream};
-use super::{
-    Bus, BusError, ControllerErrors, ControllerState, Filter, Received, Sent, Statistics, VirtualBus, one_by_one,
-};
+use super::{Bus, Filter, Received, Sent, Statistics, VirtualBus, one_by_one};
+use crate::controller::{ControllerErrors, ControllerState};
+use crate::error::BusError;
 use resonarm_numeric::noise::Noise;
 use resonarm_realtime::Clock;
 

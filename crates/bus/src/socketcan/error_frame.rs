@@ -7,7 +7,7 @@ use libc::{
 };
 
 use super::frame::RawFrame;
-use crate::{ControllerErrors, ControllerState};
+use crate::controller::{ControllerErrors, ControllerState};
 
 /// The classes that are asked for. Lost arbitration is no error: it is how a bus decides.
 pub(super) const ASKED_FOR: u32 =

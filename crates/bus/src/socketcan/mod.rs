@@ -42,7 +42,9 @@ use self::error_frame::ASKED_FOR;
 use self::frame::filter;
 use self::incoming::{Came, Incoming};
 use super::deadline::Deadline;
-use super::{Bus, BusError, ControllerState, Filter, Received, Sent, Statistics};
+use super::{Bus, Filter, Received, Sent, Statistics};
+use crate::controller::ControllerState;
+use crate::error::BusError;
 
 pub use error_frame::{ControllerReports, ErrorFrame};
 pub use interface::interfaces;

@@ -29,7 +29,8 @@ use resonarm_protocol::bits::{BitRates, Bits};
 pub use controller::{ErrorCause, ErrorCounters, ErrorState, Outcome};
 
 use self::wire::Wire;
-use super::{Bus, BusError, Filter, Received, Sent, Statistics, VirtualBus};
+use super::{Bus, Filter, Received, Sent, Statistics, VirtualBus};
+use crate::error::BusError;
 use resonarm_realtime::Clock;
 
 /// Mailboxes of the common small controllers (bxCAN).

@@ -23,10 +23,12 @@ use thiserror::Error;
 pub use cases::{WireCase, WireScript, wire_cases};
 pub use requirements::WIRE_REQUIREMENTS;
 
+use super::Finding;
 use super::stop::{Stop, skipped};
 use super::times::{GONE_NS, MARGIN_NS, MS, ms};
 use super::tries::{Limits, Rejected, Subject, Try, Watch, conclude, tries};
-use super::{Finding, Settings, Wire};
+use crate::settings::Settings;
+use crate::wire::Wire;
 use end::{Constant, End};
 use resonarm_bench::node::mapped::mapping::{Arming, Incoming, LoadInput, Mapping, Outgoing, Trigger};
 use resonarm_bench::node::{TimeBase, Timing, WireSpec};

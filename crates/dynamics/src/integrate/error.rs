@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::Scheme;
+use super::scheme::Scheme;
 use resonarm_numeric::number::short;
 
 /// Error of an integrator that can't start or make a step.

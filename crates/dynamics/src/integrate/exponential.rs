@@ -30,8 +30,8 @@ use core::array;
 
 use super::collocation::{Collocation, LEVELS, LinearPart, MethodCoefficients, Step, least_level};
 use super::double_double::DoubleDouble;
+use super::dynamics::{Dynamics, Jacobian};
 use super::gauss_legendre::Nodes;
-use super::{Dynamics, Jacobian};
 
 /// Most nodes of a method.
 const MOST_NODES: usize = 4;

@@ -9,9 +9,9 @@
 
 use alloc::vec::Vec;
 
-use super::Dynamics;
 use super::collocation::{Collocation, LEVELS, MethodCoefficients, Step, least_level};
 use super::double_double::DoubleDouble;
+use super::dynamics::Dynamics;
 
 /// A Gauss–Legendre method of S stages; its coefficients are p + q √n with rational p and q.
 pub(super) struct Tableau<const S: usize> {

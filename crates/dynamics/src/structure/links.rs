@@ -18,14 +18,16 @@
 use alloc::vec::Vec;
 use core::array;
 
+use super::MOST_LINKS;
 use super::angle::{Angle, Turn, within_reach};
+use super::armature::Armature;
+use super::assembly::Assembly;
 use super::chain::{Chain, LinearisedLinks, Moving};
 use super::dof::{At, Dof};
 use super::modes::modes;
 use super::position::Kinematics;
 use super::smooth::{MovingMass, SmoothElement, SmoothMass, SmoothPlace, SmoothPolynomial};
 use super::spec::{Axis, Law};
-use super::{Armature, Assembly, MOST_LINKS};
 use crate::integrate::{Dynamics, Jacobian, Motion, Rates, SolveStages, StageEquation, StageLoads, Wide};
 use crate::real::Real;
 use resonarm_numeric::registers::{Task, four_wide};

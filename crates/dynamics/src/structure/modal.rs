@@ -13,10 +13,11 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
+use super::MOST_MODES;
+use super::assembly::Linearised;
 use super::check::Range::Finite;
 use super::error::StructureError;
 use super::spec::{BASE, ModalSpec, ShapeSpec};
-use super::{Linearised, MOST_MODES};
 
 /// The most shapes: points that forces act on and that are read, one for each axis.
 const MOST_SHAPES: usize = 256;

@@ -2,7 +2,8 @@
 
 use serde::{Serialize, Serializer};
 
-use super::{PaperError, Subject};
+use super::error::PaperError;
+use super::subject::Subject;
 use resonarm_analysis::{AnalysisError, BifurcationKind, segments};
 use resonarm_analysis::{Coordinate, Forced, Orbit, Reading, TraceOptions, trace};
 use resonarm_dynamics::structure::{Assembly, BodySpec, Dof, Preset, StructureError};

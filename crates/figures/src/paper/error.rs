@@ -2,7 +2,8 @@
 
 use thiserror::Error;
 
-use super::{MeasuredError, SettingsError};
+use super::measured::MeasuredError;
+use super::settings::SettingsError;
 use resonarm_analysis::AnalysisError;
 use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::{rounded, short};

@@ -2,8 +2,11 @@
 
 use serde::Serialize;
 
-use super::branch::{Read, Size, Traced, by_name, natural_hz, zone_hz};
-use super::{Drive, ForcedBranch, MeasuredPoint, MeasuredZone, MeasuredZones, PaperError, Settings, Subject};
+use super::branch::{Drive, ForcedBranch, Read, Size, Traced, by_name, natural_hz, zone_hz};
+use super::error::PaperError;
+use super::measured::{MeasuredPoint, MeasuredZone, MeasuredZones};
+use super::settings::Settings;
+use super::subject::Subject;
 use resonarm_dynamics::structure::{Assembly, BodySpec, Link, Preset};
 use resonarm_session::study::on_all_cores;
 

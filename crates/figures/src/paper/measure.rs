@@ -1,6 +1,7 @@
 //! Values read from a branch: peaks, widths, and the ratio of its stable responses.
 
-use super::{ForcedBranch, PaperError, PaperOrbit};
+use super::branch::{ForcedBranch, PaperOrbit};
+use super::error::PaperError;
 use resonarm_analysis::{Maximum, half_power_width_hz, maxima};
 
 impl ForcedBranch {

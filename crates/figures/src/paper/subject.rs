@@ -1,6 +1,7 @@
 //! The arm of a preset, in the poses of the paper.
 
-use super::{PaperError, Settings, SettingsError};
+use super::error::PaperError;
+use super::settings::{Settings, SettingsError};
 use resonarm_dynamics::structure::{Assembly, BodySpec, ChainSpec, Preset, StructureSpec};
 
 /// A preset with the settings' l2, and the line along which its tip is moved.

@@ -2,8 +2,8 @@
 
 use core::fmt::Write;
 
-use super::branch::stability;
-use super::{Drive, FigureCurves, NaturalFrequencies};
+use super::branch::{Drive, stability};
+use super::figure::{FigureCurves, NaturalFrequencies};
 use resonarm_analysis::BifurcationKind;
 
 impl FigureCurves {

@@ -1,6 +1,8 @@
 //! Ranges of axes, and positions of values on the page.
 
-use super::{Axis, Panel, PlotError, Scale, Style};
+use super::error::PlotError;
+use super::style::Style;
+use super::{Axis, Panel, Scale};
 
 /// Fraction of the axis left free beyond the data at either end.
 const MARGIN: f64 = 0.04;

@@ -2,7 +2,7 @@
 
 use ttf_parser::Face;
 
-use super::PlotError;
+use super::error::PlotError;
 use super::png::Outline;
 use super::scene::Weight;
 

@@ -5,13 +5,14 @@
 
 use super::axis::{self, AxisMap, Coordinate};
 use super::cell::{Cell, Draft, LegendPlace};
+use super::error::PlotError;
 use super::font::Fonts;
 use super::legend::{self, Entries};
 use super::marks::{LABEL_SIZE, TICK_LENGTH, TICK_SIZE};
 use super::panel;
 use super::scene::{Anchor, BLACK, Point, Rect, Rgb, Scene, Shape, Text, WHITE, Weight};
 use super::ticks;
-use super::{Figure, Legend, Panel, PlotError};
+use super::{Figure, Legend, Panel};
 
 const WIDTH_ALONE: f64 = 720.0;
 const WIDTH_OF_COLUMN: f64 = 400.0;

@@ -5,7 +5,8 @@ use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::marks::{GRID, TICK_SIZE, markers, on_page};
 use super::scene::{Anchor, Point, Rect, Shape, Stroke, Text, WHITE, Weight};
-use super::{Panel, Series, Style};
+use super::style::Style;
+use super::{Panel, Series};
 
 const LINE: f64 = 19.0;
 const PADDING: f64 = 7.0;

@@ -1,8 +1,9 @@
 //! Sizes, the grid and the marks of series, which panels and legends draw alike.
 
+use super::Series;
 use super::axis::AxisMap;
 use super::scene::{Point, Shape, Stroke, WHITE};
-use super::{Dash, Series, Style};
+use super::style::{Dash, Style};
 
 pub(super) const TICK_SIZE: f64 = 13.0;
 pub(super) const LABEL_SIZE: f64 = 14.0;

@@ -1,11 +1,12 @@
 //! Places the notes of a panel: near their points, clear of the lines, the legend and each other.
 
+use super::Note;
 use super::cell::Cell;
 use super::clip;
 use super::font::{CAP_HEIGHT, Fonts};
 use super::marks::on_page;
 use super::scene::{Anchor, Point, Rect, Shape, Stroke, Text, Weight};
-use super::{Dash, Note, Style};
+use super::style::{Dash, Style};
 
 pub(super) const SIZE: f64 = 12.0;
 /// Gap around the words.

@@ -1,5 +1,6 @@
 //! One panel, drawn into the area that the layout gave its plot.
 
+use super::Series;
 use super::axis::AxisMap;
 use super::cell::{Cell, LegendPlace};
 use super::clip;
@@ -8,8 +9,8 @@ use super::marks::{GRID, LABEL_SIZE, TICK_LENGTH, TICK_SIZE, markers, on_page};
 use super::notes;
 use super::rows;
 use super::scene::{Anchor, Direction, Rect, Rgb, Shape, Stroke, Text, Weight};
+use super::style::Style;
 use super::ticks::{self, Ticks};
-use super::{Series, Style};
 
 const MINOR_TICK_LENGTH: f64 = 3.0;
 const FRAME: Stroke = Stroke { color: [0x20, 0x20, 0x20], width: 1.0, dash: super::Dash::Solid };

@@ -3,7 +3,7 @@
 use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, StrokeDash, Transform};
 use ttf_parser::OutlineBuilder;
 
-use super::PlotError;
+use super::error::PlotError;
 use super::font::Fonts;
 use super::scene::{Anchor, Direction, Point, Rgb, Scene, Shape, Stroke, Text};
 use super::style::{Dash, Marker};

@@ -8,8 +8,9 @@ use std::io::{self, Write};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 use super::date;
+use super::error::CanLogError;
 use super::vector::{BRS, EDL, ESI, LONGEST_CLASSIC, dlc, flags, format, length, since};
-use super::{CanLogError, LogWriter, LoggedFrame};
+use super::{LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
 /// Writes frames of channel 1, with hexadecimal numbers and times relative to the start of the log.

@@ -6,7 +6,8 @@ use std::io::{self, Write};
 use resonarm_protocol::{Frame, FrameFormat, FrameTextError, Id};
 
 use super::date;
-use super::{CanLogError, LogWriter, LoggedFrame};
+use super::error::CanLogError;
+use super::{LogWriter, LoggedFrame};
 use crate::recording::Direction;
 
 /// Marks the identifiers of error frames, which report the state of the bus and were never on it (linux/can.h).

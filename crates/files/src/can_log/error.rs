@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use resonarm_protocol::{FrameError, FrameTextError};
 use thiserror::Error;
 
-use super::BlfFault;
+use super::blf::BlfFault;
 
 /// An error in a log, or in a line of one.
 #[derive(Debug, Error)]

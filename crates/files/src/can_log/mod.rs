@@ -19,7 +19,6 @@ use crate::recording::Direction;
 pub use blf::BlfFault;
 pub use candump::{CandumpContent, CandumpLine, ErrorFrame, parse_line};
 pub use error::CanLogError;
-use reader::Entry;
 pub use reader::{LoggedFrames, read};
 
 /// A frame in a log.

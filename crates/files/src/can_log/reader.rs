@@ -4,7 +4,9 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::{CanLogError, CandumpContent, LogFormat, LoggedFrame, asc, blf, parse_line};
+use super::candump::{CandumpContent, parse_line};
+use super::error::CanLogError;
+use super::{LogFormat, LoggedFrame, asc, blf};
 
 /// Longest accepted line, bytes: far above what a frame needs.
 const LONGEST_LINE: usize = 1 << 20;

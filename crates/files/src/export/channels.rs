@@ -2,7 +2,8 @@
 
 use core::ops::RangeInclusive;
 
-use super::{ExportError, RecordingPart};
+use super::error::ExportError;
+use super::selection::RecordingPart;
 use crate::recording::{Origin, Recording, Topic};
 
 /// Returns how long before its sample a channel was read, in samples: the delay of the instruments' converters.

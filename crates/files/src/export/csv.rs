@@ -11,8 +11,10 @@ use std::path::PathBuf;
 
 use resonarm_protocol::{FrameFormat, Id};
 
+use super::ExportedFile;
 use super::channels::lead;
-use super::{ExportError, ExportedFile, RecordingPart, Selection};
+use super::error::ExportError;
+use super::selection::{RecordingPart, Selection};
 use crate::recording::channels::Channels;
 use crate::recording::{Direction, Event, Existing, FrameRecord, Origin, Record, Recording, TickRecord};
 use crate::staged::Staged;

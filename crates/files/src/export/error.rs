@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::{ExportFormat, RecordingPart};
+use super::ExportFormat;
+use super::selection::RecordingPart;
 use crate::recording::RecordingError;
 use resonarm_numeric::number::short;
 use resonarm_scenario::ScenarioError;

@@ -14,9 +14,11 @@ use mcap::records::MessageHeader;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use serde_json::{Map, Value, json};
 
+use super::ExportedFile;
 use super::channels::lead;
+use super::error::ExportError;
 use super::scene::{self, Scene, time, time_schema};
-use super::{ExportError, ExportedFile, RecordingPart, Selection};
+use super::selection::{RecordingPart, Selection};
 use crate::recording::channels::Channels;
 use crate::recording::{Event, Existing, Origin, Record, RecordedFault, Recording};
 use crate::staged::Staged;

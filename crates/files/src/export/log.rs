@@ -3,7 +3,9 @@
 use std::io::BufWriter;
 use std::path::PathBuf;
 
-use super::{ExportError, ExportedFile, Selection};
+use super::ExportedFile;
+use super::error::ExportError;
+use super::selection::Selection;
 use crate::can_log::{LogFormat, LoggedFrame};
 use crate::recording::{Existing, FrameRecord, Origin, Recording, RecordingError};
 use crate::staged::Staged;

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use super::ExportError;
+use super::error::ExportError;
 use crate::drawing::Drawing;
 use crate::recording::{Recording, StateRecord};
 use resonarm_scenario::Scenario;

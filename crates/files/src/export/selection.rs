@@ -4,7 +4,8 @@ use core::fmt;
 use core::ops::RangeInclusive;
 use core::str::FromStr;
 
-use super::{ExportError, ExportFormat, UnknownRecordingPart};
+use super::ExportFormat;
+use super::error::{ExportError, UnknownRecordingPart};
 use crate::recording::{Recording, Topic};
 
 /// A kind of records.

@@ -7,8 +7,10 @@
 use std::io::{self, BufWriter, Write};
 use std::path::PathBuf;
 
+use super::ExportedFile;
 use super::channels::{lead, span, visit};
-use super::{ExportError, ExportedFile, RecordingPart, Selection};
+use super::error::ExportError;
+use super::selection::{RecordingPart, Selection};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
 use crate::universal::{DELIMITER, NONE, axis, e13, e20, line80, units};

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use hound::{Error, SampleFormat, WavSpec, WavWriter};
 
+use super::ExportedFile;
 use super::channels::{span, visit};
-use super::{ExportError, ExportedFile, RecordingPart, Selection};
+use super::error::ExportError;
+use super::selection::{RecordingPart, Selection};
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
 

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use super::TickRecord;
+use super::record::TickRecord;
 use super::schema::Topic;
 use super::schema::proto::TickBatch;
 use super::schema::proto::tick_batch::Cause;

@@ -2,7 +2,7 @@
 
 use core::ops::Deref;
 
-use super::Topic;
+use super::schema::Topic;
 use resonarm_bench::structure::{Channel, Kind, LOADS, LoadSet, MOST_STATES, READINGS, STATES, Structure};
 
 /// The channels of a plant.

@@ -11,7 +11,8 @@ use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::contents::{Contents, Fault, LONGEST, parse};
-use super::{RecordingError, lengths};
+use super::error::RecordingError;
+use super::lengths;
 use crate::staged::file_kind;
 
 /// Bytes read at a time, so that a wrong length takes no more memory than the file has bytes.

@@ -8,9 +8,9 @@ use super::batch::Batch;
 use super::contents::RawMessage;
 use super::frames;
 use super::number_batch::{NumberBatch, Numbers};
+use super::record::{Event, FrameRecord, Record, TickRecord};
 use super::schema::Topic;
 use super::schema::proto::{self, TickBatch};
-use super::{Event, FrameRecord, Record, TickRecord};
 
 /// Passes the records in a message to `visit`, in order. The messages for plotting repeat others and have none. The
 /// error describes an invalid message.

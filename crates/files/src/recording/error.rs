@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use mcap::McapError;
 
-use super::Integrity;
 use super::layout::ChannelsError;
 use super::schema::FORMAT;
+use super::summary::Integrity;
 
 /// Error of a recording that can't be written or read.
 #[derive(Clone, Debug, thiserror::Error)]

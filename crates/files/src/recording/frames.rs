@@ -6,9 +6,9 @@
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
+use super::record::{Direction, FrameRecord};
 use super::schema::proto::FrameBatch;
 use super::schema::proto::frame_batch::Direction as Way;
-use super::{Direction, FrameRecord};
 
 /// Most frames in a batch: so many arrive in the time of a batch only on a bus that another node jams.
 const MOST_FRAMES: usize = 4096;

@@ -10,8 +10,8 @@ use prost::{DecodeError, Message};
 use super::batch::Batch;
 use super::channels::Values;
 use super::layout::{DT_S, Layout, STEP};
+use super::record::{Clipped, SampleRecord, StateRecord};
 use super::schema::Topic;
-use super::{Clipped, SampleRecord, StateRecord};
 use resonarm_bench::rig::{MOST_MORE, Readings};
 use resonarm_bench::structure::{MOST_STATES, READINGS, States};
 

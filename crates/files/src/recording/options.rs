@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use super::channels::Channels;
-use super::{RecordingError, RunTime};
+use super::error::RecordingError;
+use super::summary::RunTime;
 use resonarm_numeric::number::short;
 
 /// The times at which records are flushed to the file. A run that is killed loses at most the records after the last

@@ -2,8 +2,8 @@
 
 use super::channels::Channels;
 use super::layout::Plot;
+use super::record::{SampleRecord, StateRecord};
 use super::schema::Topic;
-use super::{SampleRecord, StateRecord};
 use resonarm_bench::rig::Load;
 use resonarm_numeric::decimate::{Decimated, Decimator};
 

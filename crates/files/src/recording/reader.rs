@@ -5,15 +5,14 @@ use std::path::{Path, PathBuf};
 
 use super::channels::{Channels, Values};
 use super::decode;
+use super::error::RecordingError;
+use super::record::{Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 use super::records::{Decode, Records};
 use super::scan::{Scan, scan};
 use super::schema::{DT_S, Topic, metadata};
-use super::{
-    Configuration, Event, FrameRecord, Integrity, Origin, Record, RecordingError, RecordingSummary, SampleRecord,
-    StateRecord, TickRecord,
-};
+use super::summary::{Integrity, Origin, RecordingSummary};
 use resonarm_numeric::number::short;
-use resonarm_scenario::{Scenario, ScenarioError};
+use resonarm_scenario::{Configuration, Scenario, ScenarioError};
 
 /// A recording whose every checksum has been checked.
 ///

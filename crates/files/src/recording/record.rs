@@ -3,8 +3,8 @@
 
 use resonarm_protocol::Frame;
 
-use super::Topic;
 use super::channels::Values;
+use super::schema::Topic;
 use resonarm_bench::rig::Load;
 use resonarm_bench::rig::Readings;
 use resonarm_bench::structure::{LoadSet, States};

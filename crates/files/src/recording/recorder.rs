@@ -6,10 +6,13 @@ use std::sync::{Arc, OnceLock, mpsc};
 use std::thread::{self, JoinHandle, Thread};
 use std::time::Duration;
 
+use super::error::RecordingError;
+use super::options::Options;
+use super::record::Record;
 use super::shared::{Control, Ending, Shared, Source};
 use super::slots::{self, MOST_SLOTS, Slot};
 use super::writer::{Summary, Writer};
-use super::{Configuration, Options, Record, RecordingError};
+use resonarm_scenario::Configuration;
 
 /// Wait before a full channel is checked again.
 const FULL_WAIT: Duration = Duration::from_micros(50);

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::path::Path;
 
-use super::RecordingError;
 use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::contents::RawMessage;
+use super::error::RecordingError;
 use super::schema::Topic;
 
 /// Appends the records in a message. The error describes an invalid message.

@@ -10,9 +10,9 @@ use std::sync::Arc;
 use mcap::MAGIC;
 use mcap::records::{Record as McapRecord, op};
 
-use super::RecordingError;
 use super::checked_reader::{self, RECORD_HEAD};
 use super::contents::{CHUNK_HEAD, Contents, Fault, LONGEST, parse};
+use super::error::RecordingError;
 
 /// Bytes searched at a time.
 const WINDOW: u64 = 1 << 16;

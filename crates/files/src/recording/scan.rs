@@ -4,19 +4,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::batch::Batch;
+use super::build_info::BuildInfo;
 use super::channels::Channels;
 use super::checked_reader::{CheckedReader, TopLevelRecord};
 use super::contents::{Contents, RawMessage};
 use super::decode::{decode, number_batch};
+use super::error::RecordingError;
 use super::number_batch::Numbers;
+use super::record::{Event, Record, SampleRecord, StateRecord};
 use super::schema::{
     ARMED_EVENT, DT_S, FAULT_EVENT, FORMAT, OTHER_SENDER_EVENT, OUR_LIBRARY, PARTNER_EVENT, READING_DELAY, Topic,
     metadata,
 };
-use super::{
-    BuildInfo, Event, Integrity, Origin, Record, RecordedFault, RecordingError, RunTime, SampleRecord, StateRecord,
-    TopicSummary,
-};
+use super::summary::{Integrity, Origin, RecordedFault, RunTime, TopicSummary};
 use resonarm_numeric::number::short;
 
 /// The number of faults that are listed one by one; later ones are in `/events`.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, OnceLock};
 
-use super::RecordingError;
+use super::error::RecordingError;
 use super::slots::Slot;
 
 /// State that the recorder, its channels and its thread share.

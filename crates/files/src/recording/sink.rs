@@ -11,8 +11,9 @@ use mcap::write::NoSeek;
 use mcap::{WriteOptions, Writer};
 
 use super::contents::RawMessage;
+use super::error::RecordingError;
+use super::options::Compression;
 use super::schema::Topic;
-use super::{Compression, RecordingError};
 
 /// Compression level of Zstandard: its default.
 const ZSTD_LEVEL: u32 = 3;

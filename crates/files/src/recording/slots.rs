@@ -7,7 +7,7 @@ use resonarm_bench::rig::{MOST_MORE, Readings};
 use resonarm_bench::structure::{LoadSet, States};
 
 use super::channels::{MOST_NUMBERS, Values};
-use super::{Clipped, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
+use super::record::{Clipped, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};
 
 /// Loads and states in the first slot: those of the arm with a coil.
 const FIRST: usize = 9;

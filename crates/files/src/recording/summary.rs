@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use resonarm_protocol::EmergencyCode;
 use serde::ser::SerializeStruct;
 
-use super::{BuildInfo, FrameRecord};
+use super::build_info::BuildInfo;
+use super::record::FrameRecord;
 
 /// The origin of a recording.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

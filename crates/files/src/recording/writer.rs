@@ -8,21 +8,23 @@ use std::thread;
 use std::time::Duration;
 
 use super::batch::{Batch, Batcher};
+use super::build_info::build_info;
+use super::error::RecordingError;
 use super::frames::FrameBatcher;
 use super::layout::Layout;
 use super::number_batch::{NumberBatch, Numbers};
+use super::options::{FlushPolicy, Naming, Options};
 use super::plots::Plots;
+use super::record::{FrameRecord, Record, SampleRecord, StateRecord};
 use super::schema::proto::{self, TickBatch};
 use super::schema::{DT_S, FORMAT, READING_DELAY, Topic, metadata};
 use super::shared::{Control, Ending, Shared, Source};
 use super::sink::{Sink, Stamp};
 use super::slots;
-use super::{
-    Configuration, FlushPolicy, FrameRecord, Naming, Options, Record, RecordingError, RunTime, SampleRecord,
-    StateRecord, build_info,
-};
+use super::summary::RunTime;
 use crate::staged::{Staged, is_at};
 use resonarm_numeric::decimate;
+use resonarm_scenario::Configuration;
 
 /// Interval at which the thread checks empty channels.
 const POLL: Duration = Duration::from_millis(5);

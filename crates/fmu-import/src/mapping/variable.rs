@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 
 use super::Dof;
 use crate::description::{Description, Variable};
+use crate::error::ImportError;
+use crate::spec::Numbers;
 use crate::units::{self, Conversion, Exponents};
-use crate::{ImportError, Numbers};
 
 /// The quantity for which a variable is named; it must have its causality and its unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

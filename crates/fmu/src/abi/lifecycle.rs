@@ -5,8 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use super::{ERROR, FATAL, Handle, Log, LogMessage, OK, give, on, reason, text};
-use crate::Fault;
-use crate::fault::WrongCall;
+use crate::fault::{Fault, WrongCall};
 use crate::instance::Instance;
 
 /// Returns the version of FMI.

@@ -18,8 +18,7 @@ use core::ffi::{CStr, c_char, c_int, c_void};
 use std::ffi::CString;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::Fault;
-use crate::fault::WrongCall;
+use crate::fault::{Fault, WrongCall};
 use crate::instance::Instance;
 
 /// Status `fmi3OK`: the call succeeded.

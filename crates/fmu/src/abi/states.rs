@@ -3,8 +3,7 @@
 use core::ffi::{c_int, c_void};
 
 use super::{on, slice, slice_mut};
-use crate::Fault;
-use crate::fault::WrongCall;
+use crate::fault::{Fault, WrongCall};
 use crate::instance::SavedInstance;
 
 /// The state at a pointer of the importer.

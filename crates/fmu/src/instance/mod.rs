@@ -10,9 +10,8 @@ mod values;
 use core::fmt;
 use std::path::Path;
 
-use crate::Fault;
 use crate::content::{Content, Interface};
-use crate::fault::WrongCall;
+use crate::fault::{Fault, WrongCall};
 use crate::model::{self, Inputs, Model, Parameters, Saved, Span, TOLERANCE_SAMPLES};
 use crate::variables::Variable;
 

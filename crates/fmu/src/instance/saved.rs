@@ -1,6 +1,6 @@
 //! States as bytes: little-endian numbers behind a head that names the FMU, the version and the length.
 
-use crate::Fault;
+use crate::fault::Fault;
 use crate::model::{Parameters, Saved};
 use crate::signals::{Measured, SavedSignals};
 use resonarm_bench::plant::Plant;

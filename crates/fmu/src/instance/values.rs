@@ -1,8 +1,7 @@
 //! The values of an instance's variables.
 
 use super::{ALIVE, BEFORE, Instance, READABLE, State, Value};
-use crate::Fault;
-use crate::fault::WrongCall;
+use crate::fault::{Fault, WrongCall};
 use crate::terminal::{Interval, Terminal};
 use crate::variables::{Causality, Kind, Source, Variable};
 

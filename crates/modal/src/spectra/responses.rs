@@ -5,7 +5,8 @@ use alloc::vec::Vec;
 
 use nalgebra::{Complex, DMatrix};
 
-use super::{CrossSpectra, SpectraError};
+use super::CrossSpectra;
+use super::error::SpectraError;
 
 /// Least part of the power of an input that no other input explains; below it the inputs are taken as dependent.
 const LEAST_OWN_PART: f64 = 1e-9;

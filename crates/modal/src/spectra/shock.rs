@@ -12,7 +12,8 @@
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use super::{SpectraError, check_finite, check_rate};
+use super::error::SpectraError;
+use super::{check_finite, check_rate};
 
 /// The shock response spectra of a record: the largest absolute accelerations of oscillators, in the unit of the record.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use resonarm_protocol::FrameFormat;
 
-use super::Problem;
+use super::error::Problem;
 use super::syntax::{AttributeOwner, AttributeValue, Statements};
 
 /// Values of `VFrameFormat` as the vendors of the format list them: the index and its word.

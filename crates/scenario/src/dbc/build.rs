@@ -10,9 +10,10 @@ use resonarm_wire::multiplex::Presence;
 use resonarm_wire::signal::Signal as WireSignal;
 
 use super::attributes::Attributes;
+use super::error::{DbcError, Problem};
 use super::multiplexing::{self, Switches};
 use super::syntax::{MessageStatement, OfSignal, SignalStatement, Statements};
-use super::{Database, DbcError, Found, Message, Named, Problem, Signal};
+use super::{Database, Found, Message, Named, Signal};
 
 /// Largest 29-bit identifier; the next constant is the bit by which a DBC marks one.
 const EXTENDED_MAX: u64 = 0x1FFF_FFFF;

@@ -4,7 +4,8 @@ use resonarm_protocol::{Frame, FrameError};
 use resonarm_wire::signal::EncodeError;
 use thiserror::Error;
 
-use super::{DbcError, Message, Signal};
+use super::error::DbcError;
+use super::{Message, Signal};
 
 /// Reason why values can't be encoded as a message.
 #[derive(Debug, Error)]

@@ -7,7 +7,7 @@ use std::ops::RangeInclusive;
 use resonarm_wire::layout::Layout;
 use resonarm_wire::multiplex::{Condition, Presence};
 
-use super::Problem;
+use super::error::Problem;
 use super::syntax::{MessageStatement, SignalStatement, Statements};
 
 /// `SG_MUL_VAL_` statements of one message: the selected signal, with its switch and the values of the switch

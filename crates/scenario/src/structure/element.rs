@@ -5,7 +5,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::StructureSectionError;
+use super::error::StructureSectionError;
 use crate::nearest::nearest;
 use resonarm_dynamics::structure::{Axis, ElementSpec, Law, Place, Side, Term, falls_along};
 

@@ -3,8 +3,9 @@
 use std::path::{Path, absolute};
 use std::sync::Arc;
 
+use super::StructureSection;
+use super::error::StructureSectionError;
 use super::source::{of_file, unreadable};
-use super::{StructureSection, StructureSectionError};
 use crate::text_file;
 use resonarm_bench::plant::{Plant, PlantSpec, PlantSpecError};
 use resonarm_bench::rig::{Converter, PlaceName, RigSpec};

@@ -1,6 +1,6 @@
 //! Places of the exciter and of the sensors on a structure.
 
-use super::StructureSectionError;
+use super::error::StructureSectionError;
 use resonarm_bench::plant::{Placed, PlacedSensor, Places};
 use resonarm_bench::rig::{InstrumentName, MOST_CHANNELS, Measured, Measurement, PlaceName, RigSpec, SensorSpec};
 use resonarm_bench::structure::Axis;

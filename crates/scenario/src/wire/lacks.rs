@@ -2,7 +2,8 @@
 
 use thiserror::Error;
 
-use super::{ArmSpec, PresetSpec, WireSection};
+use super::drives::PresetSpec;
+use super::{ArmSpec, WireSection};
 use resonarm_numeric::number::short;
 
 /// A protection or function that a user protocol lacks.

@@ -1,8 +1,10 @@
 //! Bus load of a user protocol.
 
-use super::{WireError, WireSection};
+use super::WireSection;
+use super::error::WireError;
+use crate::Scenario;
 use crate::dbc::Database;
-use crate::{Scenario, ScenarioError};
+use crate::error::ScenarioError;
 use resonarm_bench::node::cia402::Cia402Spec;
 use resonarm_bench::node::mapped::mapping::{Mapping, Trigger};
 use resonarm_protocol::bits::{Bits, IdFormat, Stuffing, bounds};

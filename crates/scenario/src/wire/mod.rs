@@ -25,8 +25,9 @@ pub use lacks::WireLack;
 pub use signals::quantity::Quantities;
 pub use signals::{REASONS, STATES};
 
-use super::{Scenario, ScenarioError};
+use super::Scenario;
 use crate::dbc::{self, Database};
+use crate::error::ScenarioError;
 use crate::text_file;
 use resonarm_bench::node::WireSpec;
 

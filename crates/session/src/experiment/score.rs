@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Zone, ZoneMeasured};
+use super::zone::{Zone, ZoneMeasured};
 use resonarm_analysis::time_domain::hysteresis;
 use resonarm_analysis::{AnalysisError, BifurcationKind, Distances};
 use resonarm_analysis::{

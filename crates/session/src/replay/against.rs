@@ -18,7 +18,7 @@ use resonarm_protocol::{Emergency, EmergencyCode, Frame, Message, Network, Node,
 use serde::Serialize;
 use thiserror::Error;
 
-use super::ReplayError;
+use super::error::ReplayError;
 use super::player::{FRAMES_AT_ONCE, LOOK_NS, RETRY_NS, check_speed, due_ns};
 use super::responses::command;
 use crate::run::Signals;

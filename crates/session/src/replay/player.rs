@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use super::ReplayError;
+use super::error::ReplayError;
 use crate::run::Signals;
 use resonarm_bus::{Bus, Sent};
 use resonarm_files::recording::{Direction, FrameRecord, Recording};

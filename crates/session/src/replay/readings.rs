@@ -1,6 +1,6 @@
 //! Compares the readings of a re-simulated run with the recorded ones.
 
-use super::ReplayError;
+use super::error::ReplayError;
 use super::verdict::load;
 use crate::run::sample_record;
 use resonarm_bench::rig::Measurement;

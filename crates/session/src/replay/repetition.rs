@@ -1,6 +1,6 @@
 //! Re-simulates the run of an FMU from its start.
 
-use super::ReplayError;
+use super::error::ReplayError;
 use super::verdict::{Verdict, check, compare, load};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::structure::States;

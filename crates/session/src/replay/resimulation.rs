@@ -1,7 +1,8 @@
 //! Re-simulates a run from its recorded loads.
 
+use super::error::ReplayError;
+use super::repetition;
 use super::verdict::{Verdict, check, compare, load};
-use super::{ReplayError, repetition};
 use crate::study::on_all_cores;
 use resonarm_bench::plant::{Plant, PlantSpec};
 use resonarm_bench::rig::{Amplifier, Converter};

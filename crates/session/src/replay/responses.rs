@@ -2,7 +2,8 @@
 
 use alloc::collections::BTreeMap;
 
-use super::{ReplayError, wire_controller, wire_responses};
+use super::error::ReplayError;
+use super::{wire_controller, wire_responses};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{self, ExciterOutcome};
 use resonarm_bench::rig::{Converter, Load, Readings};

@@ -1,6 +1,6 @@
 //! Compares a re-simulated plant with a record.
 
-use super::ReplayError;
+use super::error::ReplayError;
 use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::Load;
 use resonarm_files::recording::{Integrity, Recording, StateRecord};

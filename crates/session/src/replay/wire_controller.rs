@@ -7,7 +7,7 @@
 
 use alloc::vec::Vec;
 
-use super::ReplayError;
+use super::error::ReplayError;
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::mapped::mapping::Mapping;
 use resonarm_bench::node::{ExciterInterface, TimeBase, WireSpec};

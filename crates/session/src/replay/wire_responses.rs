@@ -7,7 +7,7 @@
 
 use alloc::collections::BTreeMap;
 
-use super::ReplayError;
+use super::error::ReplayError;
 use resonarm_bench::control::{Answer, ResponsePoint};
 use resonarm_bench::excitation::Profile;
 use resonarm_bench::node::WireSpec;

@@ -1,11 +1,15 @@
 //! The plant with its node and its recording: the steps that all run loops share.
 
+use super::error::RunError;
 use super::event_record::{controller_record, event_record, request_records, sample_record, state_record};
+use super::gauges::Gauges;
 use super::mistakes::{RefusedFrame, last_such_sample};
 use super::outage::Outage;
 use super::record_sink::RecordSink;
+use super::report::{BusCounts, Fault};
 use super::round_trip::RoundTrips;
-use super::{BusCounts, BusLoss, Fault, Gauges, Notice, Request, RunError, RunEvent, Watched};
+use super::signals::{BusLoss, RunEvent};
+use super::watch::{Notice, Request, Watched};
 use resonarm_bench::node::{NodeEvent, PlantInterface, PublishedSample};
 use resonarm_bench::plant::{Plant, PlantError};
 use resonarm_bench::rig::{Load, Measurement};

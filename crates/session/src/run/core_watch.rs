@@ -25,7 +25,7 @@ use std::thread::{self, JoinHandle};
 
 use rtrb::{Consumer, Producer, RingBuffer};
 
-use super::{Notice, Watched};
+use super::watch::{Notice, Watched};
 use resonarm_files::recording::{Channel, Event, Record};
 use resonarm_realtime::{Clock, CoreShare, OverrunCause, OverrunCauses, STEAL_UNIT_NS, Share, SystemClock, Tick};
 

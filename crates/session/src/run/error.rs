@@ -11,7 +11,8 @@ use resonarm_numeric::number::short;
 use resonarm_realtime::{HistogramError, PeriodicError, RateError, Shortfall, SpinError};
 use resonarm_scenario::ScenarioError;
 
-use super::{Mode, SpeedError};
+use super::mode::Mode;
+use super::pace::SpeedError;
 
 /// Error of a run that can't start, or ended early.
 #[derive(Debug, Error)]

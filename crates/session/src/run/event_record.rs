@@ -2,7 +2,7 @@
 
 use resonarm_protocol::{EmergencyCode, Node, NodeState, Refusal};
 
-use super::Request;
+use super::watch::Request;
 use resonarm_bench::control::SetPoint;
 use resonarm_bench::node::{FrameCheck, FrameFault, NodeEvent};
 use resonarm_bench::plant::Plant;

@@ -3,14 +3,15 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
+use super::error::RunError;
 use super::event_record::{event_record, request_records, sample_record};
 use super::finish::{RETRY_NS, SEND_LIMIT_NS};
 use super::lockstep::LOOK_NS;
 use super::mistakes::{RefusedFrame, unsent_command};
 use super::outage::{self, Outage};
-use super::{
-    BusCounts, BusLoss, CommandRecord, End, ExciterReport, Notice, Request, RunError, Signals, TestState, Watched,
-};
+use super::report::{BusCounts, ExciterReport};
+use super::signals::{BusLoss, Signals};
+use super::watch::{CommandRecord, End, Notice, Request, TestState, Watched};
 use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{ExciterInterface, ExciterOutcome};
 use resonarm_bus::{Bus, BusError, Sent};

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{ExciterReport, fault_text};
+use super::report::{ExciterReport, fault_text};
 use resonarm_bench::node::ExciterOutcome;
 
 /// The end of an exciter's run, as a part of a document.

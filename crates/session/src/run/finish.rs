@@ -1,8 +1,9 @@
 //! The end of a run, the same on every path: the load ramps to zero, the partner is notified, queued frames are sent.
 
 use super::bench::Bench;
+use super::error::RunError;
 use super::pace::Pace;
-use super::{PlantOutcome, RunError};
+use super::report::PlantOutcome;
 use resonarm_bus::Bus;
 use resonarm_protocol::EmergencyCode;
 use resonarm_realtime::{Clock, PeriodicError};

@@ -1,11 +1,15 @@
 //! Free: plant and exciter in one loop, in simulated time, with the ends of a virtual bus between them.
 
+use super::Ending;
 use super::bench::Bench;
+use super::error::RunError;
 use super::exciter::steer;
 use super::finish::{EndedBy, outcome};
 use super::mistakes::RefusedFrame;
 use super::pace::Pace;
-use super::{Ending, Notice, PlantOutcome, RunError, Signals, Watched};
+use super::report::PlantOutcome;
+use super::signals::Signals;
+use super::watch::{Notice, Watched};
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::ExciterInterface;
 use resonarm_bus::{BusError, Sent, Statistics, VirtualBus};

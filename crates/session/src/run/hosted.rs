@@ -13,7 +13,8 @@ use std::collections::VecDeque;
 use core::time::Duration;
 
 use super::bench::Bench;
-use super::{RunError, Session};
+use super::error::RunError;
+use super::session::Session;
 use resonarm_bench::control::ResponsePoint;
 use resonarm_bench::node::{ExciterInterface, PlantInterface};
 use resonarm_bench::plant::Plant;

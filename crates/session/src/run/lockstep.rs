@@ -7,11 +7,14 @@
 
 use core::time::Duration;
 
+use super::Ending;
 use super::bench::Bench;
+use super::error::RunError;
 use super::finish::{EndedBy, RETRY_NS, finish};
-use super::pace::Pace;
+use super::pace::{Pace, Speed};
+use super::report::{Histograms, PlantReport};
 use super::session::Hold;
-use super::{Ending, Histograms, PlantReport, RunError, Signals, Speed};
+use super::signals::Signals;
 use resonarm_bus::Bus;
 use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};
 

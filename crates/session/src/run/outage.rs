@@ -1,6 +1,6 @@
 //! A bus that is lost, and may come back.
 
-use super::BusLoss;
+use super::signals::BusLoss;
 use resonarm_bus::{BusError, ControllerState};
 
 /// The time for which a run continues without its bus, ns: long enough for a controller's automatic restart, or for

@@ -1,9 +1,12 @@
 //! The parts of a run, made from a session: nodes, bench, recording, filters of the bus.
 
 use super::bench::Bench;
+use super::error::RunError;
+use super::mode::Mode;
 use super::record_sink::RecordSink;
-use super::session::{Network, RecordTo};
-use super::{End, Mode, RunError, RunEvent, Session};
+use super::session::{Network, RecordTo, Session};
+use super::signals::RunEvent;
+use super::watch::End;
 use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase, WireSpec};
 use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::{Converter, Load, Readings};

@@ -5,9 +5,10 @@ use core::fmt::Write;
 use serde::{Serialize, Serializer};
 
 use super::bench::Bench;
+use super::error::RunError;
 use super::mistakes::{first_such_sample, refused_command};
 use super::round_trip::RoundTrips;
-use super::{BusLoss, RunError, Signals};
+use super::signals::{BusLoss, Signals};
 use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
 use resonarm_bus::{ControllerErrors, Statistics};

@@ -1,6 +1,7 @@
 //! Thread settings that a run requests from the operating system, for its loop and around it.
 
-use super::{OnShortfall, RunError, Session};
+use super::error::RunError;
+use super::session::{OnShortfall, Session};
 use resonarm_realtime::{CoresAwake, ThreadReport, ThreadSetup};
 
 impl Session {

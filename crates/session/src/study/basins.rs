@@ -8,7 +8,9 @@ use std::sync::{Mutex, PoisonError};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Control, Journal, StudyError, on_all_cores};
+use super::journal::Journal;
+use super::parallel::on_all_cores;
+use super::{Control, StudyError};
 use resonarm_analysis::Forced;
 use resonarm_analysis::time_domain::{BasinOutcome, TimeDomainError};
 use resonarm_analysis::time_domain::{StableOrbit, StroboscopicMap, further_orbits, outcomes};

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{SurveyError, SurveyExcitation};
+use super::error::SurveyError;
+use super::plan::SurveyExcitation;
 use resonarm_bench::identify::{Band, RigPlaces};
 use resonarm_bench::rig::Load;
 use resonarm_files::import::IMPORTED_FROM;

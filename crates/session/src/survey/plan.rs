@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use super::SurveyError;
+use super::error::SurveyError;
 use super::index::{LeftOut, PlanSummary, RunState, SurveyRun};
 use resonarm_analysis::structure_poles;
 use resonarm_bench::excitation::{ExcitationSpec, Phases, SweepLaw, Waveform};

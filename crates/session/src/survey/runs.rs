@@ -6,7 +6,7 @@ use std::sync::{Mutex, PoisonError};
 
 use serde_json::{Value, json};
 
-use super::SurveyError;
+use super::error::SurveyError;
 use super::index::{RunState, SurveyIndex, SurveyRun};
 use super::plan::{PlannedRun, SurveyPlan};
 use crate::run::{ExciterEnd, Mode, Options, RecordTo, RunError, Session, Signals};

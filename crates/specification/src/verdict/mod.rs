@@ -11,7 +11,7 @@ mod srs;
 
 use serde::Serialize;
 
-use crate::Test;
+use crate::specification::Test;
 
 pub use random::{
     Density, LevelVerdict, LimitVerdict, LineVerdict, RandomOptions, RandomVerdict, RmsVerdict, judge_density,

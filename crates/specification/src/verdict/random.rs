@@ -24,7 +24,10 @@ use resonarm_numeric::distribution::{
 use serde::Serialize;
 
 use super::{Verdict, mean};
-use crate::{Average, Limits, Profile, RandomTest, Schedule, VerdictError};
+use crate::error::VerdictError;
+use crate::profile::Profile;
+use crate::random::{RandomTest, Schedule};
+use crate::specification::{Average, Limits};
 
 /// Correlations of adjacent lines, and of lines with one between them.
 const CORRELATIONS: [f64; 2] = [4.0 / 9.0, 1.0 / 36.0];

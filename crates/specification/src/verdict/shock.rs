@@ -12,7 +12,8 @@ use core::ops::Range;
 use serde::Serialize;
 
 use super::{Begin, Verdict};
-use crate::{ShockTest, VerdictError};
+use crate::error::VerdictError;
+use crate::shock::ShockTest;
 
 /// Least part of the lowest stated level that makes a shot.
 const LEAST: f64 = 0.5;

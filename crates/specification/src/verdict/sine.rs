@@ -19,8 +19,11 @@ use nalgebra::Complex;
 use resonarm_numeric::dft::Fft;
 use serde::Serialize;
 
-use super::{Begin, LimitVerdict, Verdict, mean};
-use crate::{Limits, Measure, SineTest, SweepRate, VerdictError};
+use super::random::LimitVerdict;
+use super::{Begin, Verdict, mean};
+use crate::error::VerdictError;
+use crate::sine::{Measure, SineTest, SweepRate};
+use crate::specification::Limits;
 
 /// Cycles of the lowest frequency over which the rate of the phase is averaged, twice.
 const CYCLES: f64 = 4.0;

@@ -9,7 +9,8 @@ use serde::Serialize;
 
 use super::shock::Quiet;
 use super::{Verdict, mean};
-use crate::{SrsTest, VerdictError};
+use crate::error::VerdictError;
+use crate::srs::SrsTest;
 
 /// Size of a sample, in the noise and in the largest sample, from which on it belongs to a shot.
 const ABOVE_NOISE: f64 = 8.0;

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use super::Abort;
+use super::abort::Abort;
 
 /// Longest string of a dictionary, bytes.
 pub const TEXT_MAX_BYTES: usize = 32;

@@ -3,8 +3,9 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::NODE_ID_MAX;
+use super::abort::Abort;
 use super::dictionary::{Access, Address, Dictionary, Entry, Kind, Object, Value, at};
-use super::{Abort, NODE_ID_MAX};
 
 /// Address of the error register.
 pub(super) const ERROR_REGISTER: Address = at(0x1001, 0);

@@ -8,12 +8,10 @@
 use alloc::vec::Vec;
 
 use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
+use super::nmt::{NmtCommand, NmtState};
 use super::pdo::{PDOS, Pdo, RECEIVE, TRANSMIT};
 use super::sdo::SDO_BYTES;
-use super::{
-    EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NODE_ID_MAX, NmtCommand, NmtState, SDO_ANSWER_BASE, SDO_REQUEST_BASE,
-    SYNC_ID,
-};
+use super::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NODE_ID_MAX, SDO_ANSWER_BASE, SDO_REQUEST_BASE, SYNC_ID};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 use thiserror::Error;
 

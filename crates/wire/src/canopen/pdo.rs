@@ -3,7 +3,7 @@
 
 use alloc::vec::Vec;
 
-use super::Abort;
+use super::abort::Abort;
 use super::dictionary::{Access, Address, Dictionary, Entry, Kind, Mappable, Object, Value, at};
 
 /// Number of PDOs in each direction.

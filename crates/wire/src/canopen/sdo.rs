@@ -1,6 +1,6 @@
 //! The SDO server (CiA 301, section 7.2.4) with one transfer at a time, expedited or segmented.
 
-use super::Abort;
+use super::abort::Abort;
 use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
 use super::errors;
 

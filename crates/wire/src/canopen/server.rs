@@ -2,15 +2,14 @@
 
 use alloc::vec::Vec;
 
+use super::abort::Abort;
 use super::dictionary::{Address, Dictionary, TEXT_MAX_BYTES, Value, at};
 use super::errors::{CONSUMER_HEARTBEAT, ERROR_REGISTER, check_consumer, check_history, record_error};
 use super::heartbeat::Consumers;
+use super::nmt::{NmtCommand, NmtState};
 use super::pdo::{self, PDOS, Pdo, RECEIVE, TRANSMIT};
 use super::sdo::{SDO_BYTES, SdoServer, Step};
-use super::{
-    Abort, EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NODE_ID_MAX, NmtCommand, NmtState, SDO_ANSWER_BASE,
-    SDO_REQUEST_BASE, SYNC_ID,
-};
+use super::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, NODE_ID_MAX, SDO_ANSWER_BASE, SDO_REQUEST_BASE, SYNC_ID};
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
 /// Capacity of the queue for frames other than PDOs.

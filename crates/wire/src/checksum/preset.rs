@@ -28,7 +28,8 @@ use core::str::FromStr;
 
 use thiserror::Error;
 
-use super::{Algorithm, Checksum, ChecksumError, Crc, Field, FieldKind, Part, Sum};
+use super::algorithm::{Algorithm, Crc, Sum};
+use super::{Checksum, ChecksumError, Field, FieldKind, Part};
 use crate::layout::{ByteOrder, Layout, Number};
 
 /// A checksum that is known by its name.

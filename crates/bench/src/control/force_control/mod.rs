@@ -33,12 +33,12 @@ use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::control::cancellation::Cancellation;
-use crate::control::fourier_filter::{unit, wrapped};
-use crate::control::response::{Reading, SAMPLES_A_PERIOD};
-use crate::control::{
-    Abort, Answer, CancelHarmonics, Controller, Length, LoadKind, Modelled, NeededReading, ResponsePoint,
-};
+use super::abort::Abort;
+use super::cancellation::{CancelHarmonics, Cancellation};
+use super::fourier_filter::{unit, wrapped};
+use super::mode_model::Modelled;
+use super::response::{Reading, ResponsePoint, SAMPLES_A_PERIOD};
+use super::{Answer, Controller, Length, LoadKind, NeededReading};
 use crate::excitation::{ExcitationError, ExcitationSpec, Phasor, Profile, Waveform, Window};
 use crate::rig::{Load, Measurement, Sampling};
 use resonarm_numeric::number::short;

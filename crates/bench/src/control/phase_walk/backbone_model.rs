@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::control::fourier_filter::unit;
-use crate::control::{ModeModel, SeenMode};
+use crate::control::mode_model::{ModeModel, SeenMode};
 use crate::excitation::Phasor;
 
 /// Frequency and damping of the mode as one point shows them.

@@ -39,12 +39,12 @@ use self::held::Held;
 use self::plan::Wanted;
 use self::reading::{Found, Reader};
 use self::spec::BAND;
+use super::abort::Abort;
 use super::cancellation::Cancellation;
-use super::fourier_filter::{real_product, unit, wrapped};
-use super::{
-    Abort, Answer, Controller, FourierFilter, Length, LoadKind, ModeModel, Modelled, NeededReading, ResponsePoint,
-    SeenMode,
-};
+use super::fourier_filter::{FourierFilter, real_product, unit, wrapped};
+use super::mode_model::{ModeModel, Modelled, SeenMode};
+use super::response::ResponsePoint;
+use super::{Answer, Controller, Length, LoadKind, NeededReading};
 use crate::excitation::Phasor;
 use crate::rig::{Load, Measurement, Sampling};
 

@@ -4,9 +4,10 @@ use core::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use super::spec::{BAND, PhaseWalkSpec, check, size};
-use super::{LARGEST_AMPLITUDE, PhaseWalkError};
-use crate::control::{CancelHarmonics, ModeModel, ModeNumber};
+use super::LARGEST_AMPLITUDE;
+use super::spec::{BAND, PhaseWalkError, PhaseWalkSpec, check, size};
+use crate::control::cancellation::CancelHarmonics;
+use crate::control::mode_model::{ModeModel, ModeNumber};
 use crate::excitation::check_amplitude;
 use crate::rig::Load;
 

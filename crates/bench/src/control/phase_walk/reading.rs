@@ -2,7 +2,9 @@
 
 use core::f64::consts::TAU;
 
-use crate::control::{LoadKind, ModeModel, ResponsePoint};
+use crate::control::LoadKind;
+use crate::control::mode_model::ModeModel;
+use crate::control::response::ResponsePoint;
 use crate::excitation::{HarmonicFit, Phasor};
 use crate::rig::{Load, Measurement, Sampling};
 

@@ -7,8 +7,9 @@ use core::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::control::cancellation::CancelHarmonics;
 use crate::control::loop_poles::{self, Loop};
-use crate::control::{CancelHarmonics, ModeModel, ModeNumber, NoSuchMode, SeenMode};
+use crate::control::mode_model::{ModeModel, ModeNumber, NoSuchMode, SeenMode};
 use crate::excitation::ExcitationError;
 use crate::rig::{Load, Sampling};
 use resonarm_numeric::number::short;

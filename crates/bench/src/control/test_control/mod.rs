@@ -30,7 +30,9 @@ use thiserror::Error;
 pub use operator::{OperatorSpec, OperatorWord, WordFault};
 pub use stop::StopReason;
 
-use super::{Abort, Answer, Controller, Length, LoadKind, NeededReading, ResponsePoint};
+use super::abort::Abort;
+use super::response::ResponsePoint;
+use super::{Answer, Controller, Length, LoadKind, NeededReading};
 use crate::rig::{Load, Measurement};
 use crate::structure::OUTPUTS;
 use operator::{Deed, Operator};

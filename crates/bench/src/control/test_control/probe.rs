@@ -11,7 +11,8 @@ use core::f64::consts::TAU;
 use core::ops::Range;
 
 use super::frames::{CONTROL, DRIVE, Frames, LIMITED, NoiseDrive};
-use super::{End, LawSettings, StopReason, TestPhase, TestSample};
+use super::stop::StopReason;
+use super::{End, LawSettings, TestPhase, TestSample};
 
 /// Rms of the drive during the loop check, N, unless the specification states one.
 const LOW_N: f64 = 1.0;

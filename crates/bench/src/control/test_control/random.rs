@@ -22,9 +22,9 @@ use resonarm_specification::{RandomTest, ScheduleStep, Tolerance};
 
 use super::frames::{CONTROL, DRIVE, LIMITED};
 use super::probe::Probe;
+use super::stop::StopReason;
 use super::{
-    ControlSpectrum, End, Law, LawSettings, Step, StopReason, Stuck, TestControlError, TestPhase, TestProgress,
-    TestSample,
+    ControlSpectrum, End, Law, LawSettings, Step, Stuck, TestControlError, TestPhase, TestProgress, TestSample,
 };
 
 /// Frames over which the response is identified.

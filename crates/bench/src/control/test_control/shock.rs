@@ -26,7 +26,8 @@ use resonarm_specification::{ShockTest, Shots, SrsTest};
 
 use super::line_bank::{Identification, Known, LineBank};
 use super::probe::Probe;
-use super::{End, Law, LawSettings, Step, StopReason, TestControlError, TestPhase, TestProgress, TestSample};
+use super::stop::StopReason;
+use super::{End, Law, LawSettings, Step, TestControlError, TestPhase, TestProgress, TestSample};
 
 const ZERO: Complex<f64> = Complex::new(0.0, 0.0);
 /// Least length of a frame, s, and in lengths of the waveform; the waveform begins after `LEAD` of the frame.

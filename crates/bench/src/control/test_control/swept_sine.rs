@@ -39,7 +39,8 @@ use resonarm_specification::{Profile, SineTest};
 
 use super::line_bank::{Identification, Known, LineBank, response_at};
 use super::probe::Probe;
-use super::{End, Law, LawSettings, Step, StopReason, Stuck, TestControlError, TestPhase, TestProgress, TestSample};
+use super::stop::StopReason;
+use super::{End, Law, LawSettings, Step, Stuck, TestControlError, TestPhase, TestProgress, TestSample};
 
 /// Period of the identification, s: lines are 0.125 Hz apart.
 const PERIOD_S: f64 = 8.0;

@@ -21,14 +21,13 @@ use alloc::vec::Vec;
 use super::error_code;
 use super::spec::{Cia402Spec, DriveSpec, TORQUE_MODE};
 use crate::control::{Answer, Controller};
-use crate::node::exciter_lack::names;
-use crate::node::{
-    Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameCheck, FrameFault, TimeBase, Timing,
-    retry_ns,
-};
+use crate::node::carried::{Carried, ExciterOutcome, retry_ns};
+use crate::node::exciter_interface::ExciterInterface;
+use crate::node::exciter_lack::{ExciterLack, ExciterRemark, names};
+use crate::node::wire::TimeBase;
 use crate::rig::{Load, Measurement, Reading, Readings};
 use crate::structure::{LOADS, OUTPUTS};
-use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
+use resonarm_protocol::node::{FrameCheck, FrameFault, NodeCore, Phase, Timing, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id};
 use resonarm_wire::canopen::cia402::DriveState;
 use resonarm_wire::canopen::{EMERGENCY_BASE, HEARTBEAT_BASE, NMT_ID, SDO_REQUEST_BASE, SYNC_ID};

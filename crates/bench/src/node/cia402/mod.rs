@@ -22,13 +22,14 @@ use alloc::vec::Vec;
 
 use super::cause::RefusedFor;
 use super::guard::Guard;
-use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
+use super::interface::{PlantInterface, PublishError, PublishedSample};
+use super::wire::TimeBase;
 use crate::rig::{Exciter, GateSpec, Load};
 use crate::structure::{States, joint_channel_name};
 use axis::Axis;
 pub use master::Cia402Exciter;
-use resonarm_protocol::node::NodeCore;
-use resonarm_protocol::{Emergency, EmergencyCode, Frame, Node, NodeState, OperatorRequest, StateEvent, Trip};
+use resonarm_protocol::node::{FrameCheck, FrameFault, NodeCore, Timing};
+use resonarm_protocol::{Emergency, EmergencyCode, Frame, Node, NodeState, OperatorRequest, Refusal, StateEvent, Trip};
 use resonarm_wire::canopen::dictionary::at;
 use resonarm_wire::canopen::{Handled, Server};
 pub use spec::{Cia402Spec, DriveSpec, TORQUE_MODE};

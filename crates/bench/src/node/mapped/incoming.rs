@@ -4,10 +4,9 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::mapping::{Action, Counts, Incoming, ProtectionCheck, ProtectionFault, Unreadable};
-use crate::node::FrameCheck;
 use crate::rig::Load;
 use resonarm_protocol::Frame;
-use resonarm_protocol::node::Listening;
+use resonarm_protocol::node::{FrameCheck, Listening};
 
 /// A message with what has been received of it.
 #[derive(Clone, Debug)]

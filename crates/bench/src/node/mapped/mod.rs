@@ -19,14 +19,15 @@ use alloc::vec::Vec;
 
 use super::cause::{FaultCause, RefusedFor};
 use super::guard::Guard;
-use super::{FrameCheck, FrameFault, PlantInterface, PublishError, PublishedSample, Refusal, TimeBase, Timing};
+use super::interface::{PlantInterface, PublishError, PublishedSample};
+use super::wire::TimeBase;
 use crate::rig::{Exciter, GateSpec, Load};
 use crate::structure::{ChannelName, OUTPUTS};
 use incoming::Receiver;
 use mapping::{Action, Arming, Lockstep, Mapping, Trigger, Values};
 use outgoing::{Sender, Status};
-use resonarm_protocol::node::NodeCore;
-use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState, OperatorRequest, StateEvent, Trip};
+use resonarm_protocol::node::{FrameCheck, FrameFault, NodeCore, Timing};
+use resonarm_protocol::{EmergencyCode, Frame, FrameFormat, NodeState, OperatorRequest, Refusal, StateEvent, Trip};
 
 /// Progress of the last published sample in lockstep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

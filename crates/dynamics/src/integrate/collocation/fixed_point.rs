@@ -8,8 +8,9 @@
 //! Rounded matrices would make the same error in every step, so the last iteration uses those of 79 bits: it leaves ρ
 //! times the error of the ones before it.
 
-use super::super::{Dynamics, Motion, Rates, SolveStages, StageEquation, Wide};
 use super::{Solution, Stages, add_product, of_stage};
+use crate::integrate::dynamics::{Dynamics, Rates, SolveStages, StageEquation, Wide};
+use crate::integrate::motion::Motion;
 use crate::real::Real;
 
 /// Most iterations, the first included, before Newton's method takes over.

@@ -23,7 +23,9 @@ mod newton;
 use alloc::vec::Vec;
 
 use super::double_double::DoubleDouble;
-use super::{Dynamics, Excitation, IntegrateError, Motion, StageLoads, Wide};
+use super::dynamics::{Dynamics, Excitation, StageLoads, Wide};
+use super::error::IntegrateError;
+use super::motion::Motion;
 use crate::real::Real;
 use resonarm_numeric::registers::{Task, four_wide};
 

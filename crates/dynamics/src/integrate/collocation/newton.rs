@@ -3,8 +3,9 @@
 //! Its matrix has the blocks δᵢⱼ I − (∂ẍ/∂y − Λ) Aᵢⱼ. It treats the stiff terms exactly, so it converges where
 //! fixed-point iteration does not.
 
-use super::super::{Dynamics, IntegrateError, Jacobian, Wide};
 use super::{Slopes, Solution, Stages};
+use crate::integrate::dynamics::{Dynamics, Jacobian, Wide};
+use crate::integrate::error::IntegrateError;
 use crate::real::Real;
 use resonarm_numeric::linear_solve;
 

@@ -4,15 +4,16 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use super::coil::Driver;
+use super::error::StepError;
 use super::lanes::{self, SineSteps};
-use super::{Engine, StateRef, StepError, StepLoad};
+use super::{Engine, StateRef, StepLoad};
 use crate::integrate::{Dynamics, Excitation, Integrator, Motion, Scheme};
-use crate::structure::Kinematics;
 use crate::structure::assembly::Assembly;
 use crate::structure::chain::Chain;
 use crate::structure::coil::Current;
 use crate::structure::dof::{At, Dof};
 use crate::structure::links::{Links, LinksLoad};
+use crate::structure::position::Kinematics;
 use crate::structure::spec::Axis;
 
 /// A chain of N links in motion, with what steps and drives it.

@@ -5,8 +5,8 @@
 //! ([`Circuit`]), and the current the next motion, until nothing changes. Each pass changes less than the one before by
 //! a factor of about h Bl²/(R m), m being the mass that the coil drives: a thousandth for a shaker on an arm.
 
-use super::StepError;
 use super::chains::{Course, Stepped};
+use super::error::StepError;
 use crate::integrate::{IntegrateError, Motion};
 use crate::structure::armature::{Armature, Coil};
 use crate::structure::coil::{Circuit, Stroke};

@@ -35,7 +35,8 @@ use alloc::vec::Vec;
 
 use nalgebra::Complex;
 
-use super::{Engine, LoadHarmonic, MOST_LOAD_HARMONICS, StateRef, StepError, StepLoad, rows};
+use super::error::StepError;
+use super::{Engine, LoadHarmonic, MOST_LOAD_HARMONICS, StateRef, StepLoad, rows};
 use crate::integrate::IntegrateError;
 use crate::structure::MOST_MODES;
 use crate::structure::assembly::Assembly;

@@ -16,7 +16,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::{Engine, StateRef, StepError, StepLoad};
+use super::error::StepError;
+use super::{Engine, StateRef, StepLoad};
 use crate::integrate::IntegrateError;
 use crate::structure::MOST_COORDINATES;
 use crate::structure::armature::Armature;

@@ -1,7 +1,8 @@
 //! The direction in which a zone bends, read from its backbone.
 
-use super::super::branch::{beta2_deg, natural_hz, zone_hz};
-use super::super::{Drive, PaperError, Subject};
+use crate::paper::branch::{Drive, beta2_deg, natural_hz, zone_hz};
+use crate::paper::error::PaperError;
+use crate::paper::subject::Subject;
 use resonarm_analysis::Bending;
 use resonarm_analysis::{BackboneOptions, backbone};
 use resonarm_dynamics::structure::Assembly;

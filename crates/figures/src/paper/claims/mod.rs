@@ -18,7 +18,9 @@ mod torque;
 use serde::Serialize;
 
 use super::branch::by_name;
-use super::{PaperError, Settings, Subject};
+use super::error::PaperError;
+use super::settings::Settings;
+use super::subject::Subject;
 use cases::Judgement;
 use resonarm_dynamics::structure::Preset;
 use resonarm_session::study::on_all_cores;

@@ -2,9 +2,9 @@
 
 use core::f64::consts::PI;
 
-use super::super::PaperError;
 use super::cases::{Judgement, Opinion, number, over};
 use super::survey::Survey;
+use crate::paper::error::PaperError;
 use resonarm_dynamics::integrate::Scheme;
 use resonarm_dynamics::structure::{Assembly, Dof, StepLoad, Stepper};
 

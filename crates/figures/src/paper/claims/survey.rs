@@ -1,8 +1,10 @@
 //! The data on which statements are judged: the resonance zones of an arm, over the ranges of the unstated parameters.
 
-use super::super::branch::{Traced, natural_hz, zone_hz};
-use super::super::{Drive, ForcedBranch, PaperError, Settings, Subject};
 use super::bent::{Bent, bent};
+use crate::paper::branch::{Drive, ForcedBranch, Traced, natural_hz, zone_hz};
+use crate::paper::error::PaperError;
+use crate::paper::settings::Settings;
+use crate::paper::subject::Subject;
 use resonarm_analysis::{BifurcationKind, Maximum};
 use resonarm_dynamics::structure::{Assembly, Preset};
 

@@ -2,12 +2,12 @@
 
 use core::ops::Range;
 
-use super::super::branch::{Traced, natural_hz, zone_hz};
-use super::super::{Drive, PaperError};
 use super::cases::{Judgement, Opinion, all_hold, number, once, over};
 use super::enough;
 use super::survey::{Driven, Seen, Survey, own_torque_nm, torques_nm};
 use super::tip::{PROMINENCE, widening};
+use crate::paper::branch::{Drive, Traced, natural_hz, zone_hz};
+use crate::paper::error::PaperError;
 use resonarm_analysis::BifurcationKind;
 
 /// Returns the frequency of the peak of link 1 at a pose, Hz.

@@ -2,12 +2,14 @@
 
 use resonarm_protocol::{Frame, FrameFormat, Id};
 
+use super::fault::BlfFault;
 use super::{
-    BASE_HEAD, BlfFault, CAN_FD_MESSAGE, CAN_FD_MESSAGE_64, CAN_MESSAGE, CAN_MESSAGE2, DIRECTION, EXTENDED, FD_FLAGS,
-    FD_SHIFT, NANOSECONDS, OBJECT_HEAD, RECEIVED, REMOTE, SENT, TEN_MICROSECONDS,
+    BASE_HEAD, CAN_FD_MESSAGE, CAN_FD_MESSAGE_64, CAN_MESSAGE, CAN_MESSAGE2, DIRECTION, EXTENDED, FD_FLAGS, FD_SHIFT,
+    NANOSECONDS, OBJECT_HEAD, RECEIVED, REMOTE, SENT, TEN_MICROSECONDS,
 };
+use crate::can_log::LoggedFrame;
+use crate::can_log::reader::Entry;
 use crate::can_log::vector::{self, LONGEST_CLASSIC, format, length};
-use crate::can_log::{Entry, LoggedFrame};
 use crate::recording::Direction;
 
 /// Longest data of a frame, bytes.

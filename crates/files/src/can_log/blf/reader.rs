@@ -8,11 +8,12 @@ use flate2::read::ZlibDecoder;
 use jiff::civil::DateTime;
 use thiserror::Error;
 
+use super::fault::BlfFault;
 use super::object::Object;
-use super::{BASE_HEAD, BlfFault, CONTAINER_HEAD, DEFLATE, LOG_CONTAINER, NO_COMPRESSION, OBJECT_SIGNATURE, SIGNATURE};
+use super::{BASE_HEAD, CONTAINER_HEAD, DEFLATE, LOG_CONTAINER, NO_COMPRESSION, OBJECT_SIGNATURE, SIGNATURE};
 use crate::can_log::date;
-use crate::can_log::reader::open;
-use crate::can_log::{CanLogError, Entry};
+use crate::can_log::error::CanLogError;
+use crate::can_log::reader::{Entry, open};
 
 /// Largest accepted length of an object, and of an inflated container: 16 MiB. Vector's tools write containers of
 /// 128 KiB.

@@ -21,9 +21,10 @@ use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 use super::super::element::place;
-use super::super::{ModeSection, StructureKind, StructureSection, StructureSectionError};
+use super::super::{ModeSection, StructureKind, StructureSection};
 use super::error::MatrixError;
 use super::{mtx, npy, of_file, unreadable};
+use crate::structure::error::StructureSectionError;
 use crate::text_file;
 use resonarm_dynamics::structure::{BASE, MOST_MODES, Place};
 

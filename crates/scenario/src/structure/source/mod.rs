@@ -26,8 +26,10 @@ pub use error::{MatrixError, StructureFileError, UffError, UrdfError, UrdfWarnin
 pub use matrices::{Matrices, MatricesSection};
 pub use of_modes::NotModal;
 
-use super::{ReadAt, StructureKind, StructureSection, StructureSectionError};
+use super::error::StructureSectionError;
+use super::{StructureKind, StructureSection};
 use crate::text_file;
+use resonarm_fmu_import::ReadAt;
 
 /// Name of structures with keys of an FMU, for messages.
 const FMU: &str = "a structure of kind `fmu`";

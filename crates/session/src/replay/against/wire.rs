@@ -10,7 +10,7 @@ use core::ops::ControlFlow;
 use alloc::collections::VecDeque;
 
 use super::{Controller, DifferenceKind, REQUESTS, Test};
-use crate::replay::ReplayError;
+use crate::replay::error::ReplayError;
 use resonarm_bench::node::mapped::mapping::{Action, Counts, Incoming, Mapping};
 use resonarm_bench::rig::Load;
 use resonarm_files::decoder::action_name;

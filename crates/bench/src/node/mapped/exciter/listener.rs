@@ -2,9 +2,9 @@
 
 use alloc::vec::Vec;
 
-use crate::node::FrameCheck;
 use crate::node::mapped::mapping::{Mapping, Outgoing, ProtectionCheck, Said, Source, Trigger, Value};
 use crate::rig::{MOST_CHANNELS, Measurement};
+use resonarm_protocol::node::FrameCheck;
 use resonarm_protocol::{EmergencyCode, Frame, NodeState};
 use resonarm_wire::counter::Step;
 

@@ -20,13 +20,13 @@ use self::page::{Ask, Page};
 use self::samples::Samples;
 use super::mapping::{Arming, Lockstep, Mapping};
 use crate::control::{Answer, Controller, NeededReading};
-use crate::node::exciter_lack::names;
-use crate::node::{
-    Carried, ExciterInterface, ExciterLack, ExciterOutcome, ExciterRemark, FrameFault, TimeBase, Timing, retry_ns,
-};
+use crate::node::carried::{Carried, ExciterOutcome, retry_ns};
+use crate::node::exciter_interface::ExciterInterface;
+use crate::node::exciter_lack::{ExciterLack, ExciterRemark, names};
+use crate::node::wire::TimeBase;
 use crate::rig::Load;
 use crate::structure::{ChannelName, LOADS, OUTPUTS};
-use resonarm_protocol::node::{NodeCore, Phase, Unanswered, Work};
+use resonarm_protocol::node::{FrameFault, NodeCore, Phase, Timing, Unanswered, Work};
 use resonarm_protocol::{Emergency, EmergencyCode, Frame, FrameFormat, Id, NodeState};
 
 /// Number of times that a plant must report not being armed before it is asked to arm from the start. It is

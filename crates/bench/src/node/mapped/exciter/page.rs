@@ -8,7 +8,7 @@ use core::ops::Add;
 use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::node::ExciterLack;
+use crate::node::exciter_lack::ExciterLack;
 use crate::node::mapped::mapping::{Action, Arming, CommandSignal, Counts, EventSignal, Incoming, Mapping, Protection};
 use crate::rig::Load;
 use resonarm_protocol::{Frame, FrameFormat, Id};
