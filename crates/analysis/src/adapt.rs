@@ -97,3 +97,11 @@ pub(super) fn adapt<S: Spectral>(
         return Ok(());
     }
 }
+
+/// Starts near a response at `branch.from`, with as many harmonics as it needs.
+pub(super) fn begin(balance: &mut Balance, branch: &BranchOptions, x: &[f64]) -> Result<Continuation, AnalysisError> {
+    let direction = branch.to - branch.from;
+    let mut continuation = Continuation::start(balance, branch.continuation, x, branch.from, direction)?;
+    adapt(balance, &mut continuation, branch)?;
+    Ok(continuation)
+}

@@ -20,9 +20,10 @@ use alloc::vec::Vec;
 use thiserror::Error;
 
 use super::balance::Balance;
+use super::both_ways::both_ways;
 use super::continuation::{Continuation, Cut, Point, Slices, Work};
 use super::detect::point_of;
-use super::switching::{SubHarmonicSearch, both_ways};
+use super::sub_harmonic::SubHarmonicSearch;
 use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::error::EndedEarly;
 use crate::forced::{Coordinate, Forced};

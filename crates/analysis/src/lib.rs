@@ -19,6 +19,7 @@ mod adapt;
 mod backbone;
 mod balance;
 mod bending;
+mod both_ways;
 mod branch;
 mod branch_options;
 mod contact;
@@ -81,9 +82,8 @@ pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use quantity::{Quantity, UnknownQuantity};
 pub use rows::{segments, stretches};
 pub use start::{StartAttempt, StartEnd, StartStructure};
-pub use switching::{
-    NotFollowed, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions, SubHarmonicSearch, trace_branches,
-};
+pub use sub_harmonic::SubHarmonicSearch;
+pub use switching::{NotFollowed, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions, trace_branches};
 
 #[cfg(test)]
 mod tests;

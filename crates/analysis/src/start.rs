@@ -6,11 +6,10 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::adapt::adapt;
+use super::adapt::begin;
 use super::balance::{Balance, Homotopy, unit_deflection};
 use super::orbit::TraceOptions;
 use super::start_near::start_near;
-use crate::branch_options::BranchOptions;
 use crate::continuation::{Continuation, ContinuationSettings, StepRefusal, System, at_parameter};
 use crate::error::AnalysisError;
 
@@ -122,14 +121,6 @@ pub(super) fn start(balance: &mut Balance, options: &TraceOptions) -> Result<Con
         }
     }
     Err(AnalysisError::NoStart { at: balance.place(branch.from), from_rest, attempts })
-}
-
-/// Starts near a response at `branch.from`, with as many harmonics as it needs.
-pub(super) fn begin(balance: &mut Balance, branch: &BranchOptions, x: &[f64]) -> Result<Continuation, AnalysisError> {
-    let direction = branch.to - branch.from;
-    let mut continuation = Continuation::start(balance, branch.continuation, x, branch.from, direction)?;
-    adapt(balance, &mut continuation, branch)?;
-    Ok(continuation)
 }
 
 /// Follows the homotopy from a linear structure and returns the response at its end, or how far it went and why it

@@ -11,9 +11,9 @@ use alloc::vec::Vec;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
 use resonarm_dynamics::structure::{Dof, StepError, Stepper};
 
+use super::adapt::begin;
 use super::balance::Balance;
 use super::orbit::TraceOptions;
-use super::start::begin;
 use super::unknowns::Body;
 use crate::continuation::{Continuation, StepRefusal, System};
 use crate::dense::dot;

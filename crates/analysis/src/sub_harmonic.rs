@@ -14,7 +14,6 @@ use super::backbone::{BackboneOptions, FreeMotion, free_motions};
 use super::balance::Balance;
 use super::detect::point_of;
 use super::orbit::{Branch, BranchEnd, Orbit, TraceOptions};
-use super::switching::SubHarmonicSearch;
 use crate::branch_options::BifurcationKind;
 use crate::continuation::{Continuation, System as _, at_parameter};
 use crate::dense::{Lu, dot, norm};
@@ -40,6 +39,20 @@ const MOST_POINTS: usize = 300;
 /// truncation error.
 const SAME: f64 = 1e-6;
 const SAME_TOLERANCES: f64 = 10.0;
+
+/// Where sub-harmonic responses were sought.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SubHarmonicSearch {
+    /// The values of the coordinate, in order.
+    pub values: Vec<f64>,
+    /// The reason for which free motions are not defined, without which nothing was sought.
+    pub error: Option<AnalysisError>,
+}
+
+impl SubHarmonicSearch {
+    /// The periods that are sought, in those of the drive.
+    pub const PERIODS: [usize; 2] = [2, 3];
+}
 
 /// A response from which a branch is followed.
 pub(super) struct Seed {

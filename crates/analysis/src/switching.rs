@@ -8,20 +8,20 @@
 //! [`super::singular`], with the response on the even harmonics of the halved base frequency and the null vector on the
 //! odd ones.
 
-use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 use thiserror::Error;
 
 use super::balance::Balance;
+use super::both_ways::{FIRST_STEP, both_ways};
 use super::branch::{Tracer, check, not_there};
 use super::crossing::crossing;
 use super::detached::{self, Found, NotSearched, SearchOptions, Searched};
 use super::detect::{chord, point_of};
 use super::orbit::{Bifurcation, Branch, BranchEnd, TraceOptions};
 use super::singular::{Singular, Singularity, doubled};
-use super::sub_harmonic::Places;
-use crate::branch_options::{BifurcationKind, BranchOptions};
+use super::sub_harmonic::{Places, SubHarmonicSearch};
+use crate::branch_options::BifurcationKind;
 use crate::continuation::{Continuation, StepRefusal, System as _};
 use crate::error::{AnalysisError, EndedEarly};
 use crate::forced::{Coordinate, Forced};
@@ -34,7 +34,7 @@ const MOST_BRANCHES: usize = 64;
 /// First steps along a branch, in the order in which they are tried, relative to the size of the response. The branches of a
 /// cascade turn ever more sharply beside their doublings: of one with 8 periods the tangent turns by 0.4 rad in a step of
 /// 1e-4. A shorter last step would leave too little of the response in the harmonics that the other branch has not.
-const FIRST_STEPS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
+const FIRST_STEPS: [f64; 4] = [FIRST_STEP, 1e-3, 1e-4, 1e-5];
 /// Two branches have a branch point in common if they have one within this, relative, or within this many tolerances of
 /// the truncation error.
 const SAME: f64 = 1e-8;
@@ -102,20 +102,6 @@ pub enum NotFollowed {
     /// No response was found on it.
     #[error("{0}")]
     Failed(AnalysisError),
-}
-
-/// Where sub-harmonic responses were sought.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SubHarmonicSearch {
-    /// The values of the coordinate, in order.
-    pub values: Vec<f64>,
-    /// The reason for which free motions are not defined, without which nothing was sought.
-    pub error: Option<AnalysisError>,
-}
-
-impl SubHarmonicSearch {
-    /// The periods that are sought, in those of the drive.
-    pub const PERIODS: [usize; 2] = [2, 3];
 }
 
 /// Which branches are wanted beside the first one.
@@ -428,63 +414,4 @@ impl Beginning {
         let lost = self.direction.split_last().map(|(_, along)| along.to_vec());
         Some(Tracer { is_switched: true, lost, ..Tracer::new(balance, options) }.run(continuation))
     }
-}
-
-/// Follows a branch from a response within the interval to both sides, in one piece. A branch that is `switched` ends where
-/// it meets another one.
-///
-/// # Errors
-/// [`EndedEarly`] with as much of the branch as could be followed.
-pub(super) fn both_ways(
-    mut balance: Balance,
-    begin: Continuation,
-    options: &TraceOptions,
-    is_switched: bool,
-) -> Result<Branch, EndedEarly<Branch>> {
-    let (half, early) = match follow(balance.clone(), begin, options, is_switched) {
-        Ok(half) => (half, None),
-        Err(EndedEarly { reason, so_far }) => (*so_far, Some(reason)),
-    };
-    let branch = &options.branch;
-    let ended = |reason, so_far| EndedEarly { reason, so_far: Box::new(so_far) };
-    // Where the branch met another one its last response is one beyond.
-    let last = half.orbits.len().saturating_sub(if half.end == BranchEnd::Rejoined { 2 } else { 1 });
-    let (Some(at), false) = (half.orbits.get(last), half.end == BranchEnd::Closed) else {
-        return early.map_or(Ok(half.clone()), |reason| Err(ended(reason, half)));
-    };
-    balance.set_harmonics(at.harmonics);
-    // The ends of the whole are named from where it begins now.
-    let (from, to) = if half.end == BranchEnd::AtEnd { (branch.to, branch.from) } else { (branch.from, branch.to) };
-    let (settings, x) = (branch.continuation, &at.coefficients);
-    let begin = match (half.end, last.checked_sub(1).and_then(|before| half.orbits.get(before))) {
-        (BranchEnd::AtStart | BranchEnd::AtEnd, _) => {
-            Continuation::start(&mut balance, settings, x, at.value, to - from).map(Some)
-        }
-        (_, Some(before)) => {
-            let direction = chord(&point_of(at), &point_of(before), x.len());
-            Continuation::start_along(&mut balance, settings, x, at.value, &direction, FIRST_STEPS[0]).map(Some)
-        }
-        (_, None) => Ok(None),
-    };
-    let begin = match begin {
-        Ok(Some(begin)) => begin,
-        Ok(None) => return early.map_or(Ok(half.clone()), |reason| Err(ended(reason, half))),
-        Err(reason) => return Err(ended(early.unwrap_or(reason), half)),
-    };
-    let options = TraceOptions { branch: BranchOptions { from, to, ..*branch }, ..options.clone() };
-    match (follow(balance, begin, &options, is_switched), early) {
-        (Ok(whole), Some(reason)) => Err(ended(reason, whole)),
-        (Err(again), Some(reason)) => Err(EndedEarly { reason, ..again }),
-        (whole, None) => whole,
-    }
-}
-
-/// Follows a branch to one side.
-fn follow(
-    balance: Balance,
-    begin: Continuation,
-    options: &TraceOptions,
-    is_switched: bool,
-) -> Result<Branch, EndedEarly<Branch>> {
-    Tracer { is_switched, ..Tracer::new(balance, options) }.run(begin)
 }

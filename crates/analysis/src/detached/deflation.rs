@@ -23,6 +23,7 @@ use core::f64::consts::TAU;
 use resonarm_numeric::noise::Noise;
 
 use super::{SAME, Searcher};
+use crate::adapt::begin;
 use crate::balance::Balance;
 use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::continuation::{System, Work, at_parameter};
@@ -30,7 +31,6 @@ use crate::dense::{Lu, dot, norm};
 use crate::detect::point_of;
 use crate::forced::Coordinate;
 use crate::orbit::Branch;
-use crate::start::begin;
 
 /// The sizes of random starts, over that of the largest response of the branch.
 pub(super) const SHARES: [f64; 2] = [0.5, 4.0];
