@@ -8,8 +8,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::continuation::StepRefusal;
-use crate::start::StartAttempt;
+use crate::refusal::{StartAttempt, StepRefusal};
 use resonarm_dynamics::structure::{StepError, StructureError};
 use resonarm_numeric::number::{rounded, short, significant};
 

@@ -9,7 +9,6 @@ use resonarm_dynamics::structure::{
     StructureError,
 };
 
-use super::unknowns::load_at_rest;
 use crate::dense::dot;
 use crate::error::{AnalysisError, Place};
 
@@ -253,4 +252,12 @@ impl fmt::Display for Coordinate {
             Coordinate::Parameter(parameter) => parameter.fmt(f),
         }
     }
+}
+
+/// Returns the generalised forces of a unit load at rest.
+pub(super) fn load_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
+    let n = assembly.coordinates();
+    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+    assembly.at(&rest).load_direction(dof, &mut direction);
+    direction
 }

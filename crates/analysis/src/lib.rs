@@ -46,6 +46,7 @@ mod phase_zero;
 mod poles;
 mod quantity;
 mod ramp;
+mod refusal;
 mod resonances;
 mod rows;
 mod samples;
@@ -80,8 +81,8 @@ pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use phase_zero::phase_zero_state;
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
 pub use quantity::{Quantity, UnknownQuantity};
+pub use refusal::{StartAttempt, StartEnd, StartStructure, StepRefusal};
 pub use rows::{segments, stretches};
-pub use start::{StartAttempt, StartEnd, StartStructure};
 pub use sub_harmonic::SubHarmonicSearch;
 pub use switching::{NotFollowed, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions, trace_branches};
 

@@ -14,7 +14,7 @@ use resonarm_dynamics::structure::{Assembly, Dof, Linear};
 use resonarm_numeric::linear_solve::solve_complex;
 use resonarm_numeric::number::short;
 
-use super::unknowns::load_at_rest;
+use super::forced::load_at_rest;
 use crate::quantity::Quantity;
 
 /// Error of a frequency response that does not exist.

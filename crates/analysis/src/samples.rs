@@ -15,10 +15,9 @@ use super::contact::{Acting, Instant, Motion, Part, parts};
 use super::dense::add;
 use super::history::History;
 use super::ramp::Ramp;
-use super::spectral::values;
 use super::unknowns::{Body, Unknowns, Weights};
 use crate::forced::Forced;
-use crate::fourier::{Basis, uniform};
+use crate::fourier::{Basis, uniform, values};
 
 /// The least number of samples for which a fast transform is worth its preparation.
 const LEAST_FAST: usize = 256;

@@ -6,6 +6,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
+use super::fourier::values;
 use super::samples::Samples;
 
 /// 2/T ∫ f cos kτ and 2/T ∫ f sin kτ of one signal, k = −2H … 2H, at the place k + 2H: the first are even in k, the
@@ -231,18 +232,4 @@ fn polished(series: &[f64], mut phase_rad: f64, samples: usize) -> f64 {
         (value, slope, curvature) = (x, v, a);
     }
     value.abs()
-}
-
-/// Returns x, x′ and x″ of a series at a phase; multiples of the angle by rotation.
-pub(super) fn values(series: &[f64], phase_rad: f64) -> [f64; 3] {
-    let (sine, cosine) = libm::sincos(phase_rad);
-    let (mut c, mut s, mut sum) = (1.0, 0.0, [series[0], 0.0, 0.0]);
-    for (i, pair) in series[1..].chunks_exact(2).enumerate() {
-        (c, s) = (c * cosine - s * sine, s * cosine + c * sine);
-        let (k, value) = ((i + 1) as f64, pair[0] * c + pair[1] * s);
-        sum[0] += value;
-        sum[1] += k * (pair[1] * c - pair[0] * s);
-        sum[2] -= k * k * value;
-    }
-    sum
 }

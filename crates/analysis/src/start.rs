@@ -2,16 +2,14 @@
 
 use alloc::vec;
 use alloc::vec::Vec;
-use core::fmt;
-
-use thiserror::Error;
 
 use super::adapt::begin;
 use super::balance::{Balance, Homotopy, unit_deflection};
 use super::orbit::TraceOptions;
 use super::start_near::start_near;
-use crate::continuation::{Continuation, ContinuationSettings, StepRefusal, System, at_parameter};
+use crate::continuation::{Continuation, ContinuationSettings, System, at_parameter};
 use crate::error::AnalysisError;
+use crate::refusal::{MOST_POINTS, StartAttempt, StartEnd, StartStructure, StepRefusal};
 
 /// Harmonics of the homotopy, for smooth forces and for others, in the order in which they are tried. The first response
 /// is then corrected with as many as it needs.
@@ -19,66 +17,9 @@ const HARMONICS: [[usize; 3]; 2] = [[7, 15, 31], [9, 15, 31]];
 /// The structures with which the homotopy begins, in the order in which they are tried.
 const STRUCTURES: [StartStructure; 3] =
     [StartStructure::Linear, StartStructure::Closed { share: 1.0 }, StartStructure::Closed { share: 0.25 }];
-/// Most points of the homotopy.
-const MOST_POINTS: usize = 1000;
 /// The unit of the share of the element forces, and the largest step relative to the size of the response.
 const SHARE_SCALE: f64 = 0.25;
 const LARGEST_STEP: f64 = 0.5;
-
-/// A linear structure from which a structure is approached.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum StartStructure {
-    /// The modes or links at rest, with the linear elements.
-    Linear,
-    /// The same with closed contacts and stuck friction as springs.
-    Closed {
-        /// Factor of their stiffness.
-        share: f64,
-    },
-}
-
-impl fmt::Display for StartStructure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            StartStructure::Linear => f.write_str("the linear structure"),
-            StartStructure::Closed { share: 1.0 } => f.write_str("closed contacts and stuck friction"),
-            StartStructure::Closed { share } => {
-                write!(f, "closed contacts and stuck friction with {share} times their stiffness")
-            }
-        }
-    }
-}
-
-/// Reason for which a homotopy ended before it found a response.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-pub enum StartEnd {
-    /// A step was rejected.
-    #[error("{0}")]
-    Step(StepRefusal),
-    /// The curve returned to the linear structure.
-    #[error("the curve returned to zero")]
-    Returned,
-    /// The curve had too many points.
-    #[error("the curve has more than {} points", MOST_POINTS)]
-    TooLong,
-    /// The response could not be solved for with all the harmonics that it needs.
-    #[error("the response was not found with more harmonics")]
-    Harmonics,
-}
-
-/// A homotopy that found no response.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[error("from {from} with {harmonics} harmonics, up to {:.0} % of the forces ({end})", 100.0 * .share)]
-pub struct StartAttempt {
-    /// The structure at its start.
-    pub from: StartStructure,
-    /// Number of harmonics of the homotopy.
-    pub harmonics: usize,
-    /// The share of the element forces that it reached, from 0 to 1.
-    pub share: f64,
-    /// The reason of its end.
-    pub end: StartEnd,
-}
 
 /// Starts at `options.branch.from`, with as many harmonics as the response needs; near a state if one is given, see
 /// [`start_near`].

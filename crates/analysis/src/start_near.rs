@@ -15,11 +15,12 @@ use super::adapt::begin;
 use super::balance::Balance;
 use super::orbit::TraceOptions;
 use super::unknowns::Body;
-use crate::continuation::{Continuation, StepRefusal, System};
+use crate::continuation::{Continuation, System};
 use crate::dense::dot;
 use crate::error::AnalysisError;
 use crate::forced::Forced;
 use crate::fourier::Basis;
+use crate::refusal::StepRefusal;
 
 /// Samples of a period.
 const SAMPLES: usize = 256;

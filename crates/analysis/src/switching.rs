@@ -22,9 +22,10 @@ use super::orbit::{Bifurcation, Branch, BranchEnd, TraceOptions};
 use super::singular::{Singular, Singularity, doubled};
 use super::sub_harmonic::{Places, SubHarmonicSearch};
 use crate::branch_options::BifurcationKind;
-use crate::continuation::{Continuation, StepRefusal, System as _};
+use crate::continuation::{Continuation, System as _};
 use crate::error::{AnalysisError, EndedEarly};
 use crate::forced::{Coordinate, Forced};
+use crate::refusal::StepRefusal;
 
 /// The longest period, in those of the drive, whose branches are followed: beyond it, the doublings of a cascade follow
 /// each other ever more closely.

@@ -159,14 +159,6 @@ impl Unknowns {
     }
 }
 
-/// Returns the generalised forces of a unit load at rest.
-pub(super) fn load_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
-    let n = assembly.coordinates();
-    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
-    assembly.at(&rest).load_direction(dof, &mut direction);
-    direction
-}
-
 /// Returns the places that forces couple with each place: an element those of its displacement, a polynomial those of all of
 /// its own.
 fn coupled(count: usize, of_element: &[Weights], of_polynomial: &[Vec<Weights>]) -> Vec<Vec<usize>> {

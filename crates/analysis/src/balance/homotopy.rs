@@ -24,7 +24,7 @@ use resonarm_dynamics::structure::{Element, Law, Linear};
 use super::{Balance, Body, Pair};
 use crate::continuation::System;
 use crate::forced::Component;
-use crate::start::StartStructure;
+use crate::refusal::StartStructure;
 
 /// Below this damping ratio a mode counts as undamped.
 const UNDAMPED: f64 = 1e-3;

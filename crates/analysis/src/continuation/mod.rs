@@ -28,8 +28,6 @@ mod slices;
 use alloc::vec::Vec;
 use core::ops::AddAssign;
 
-use thiserror::Error;
-
 pub use predictor_corrector::Continuation;
 pub(super) use slices::{Cut, Slices, at_parameter};
 
@@ -144,26 +142,6 @@ impl AddAssign for Work {
         self.steps += other.steps;
         self.rejections += other.rejections;
     }
-}
-
-/// Reason for which the continuation rejected a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum StepRefusal {
-    /// Newton's method did not converge.
-    #[error("Newton's method did not converge")]
-    Newton,
-    /// The correction was too large a fraction of the step.
-    #[error("the solution found was too far from the prediction")]
-    Correction,
-    /// The tangent turned too far.
-    #[error("the branch turned too sharply")]
-    Turn,
-    /// A matrix had no inverse, or something was not a number.
-    #[error("the equations were singular or not finite")]
-    Singular,
-    /// The system does not exist there.
-    #[error("no such system exists there")]
-    OutOfRange,
 }
 
 impl ContinuationSettings {

@@ -2,8 +2,9 @@
 
 use alloc::vec::Vec;
 
-use super::{StepRefusal, System, Work};
+use super::{System, Work};
 use crate::dense::{Determinant, Lu, dot, norm};
+use crate::refusal::StepRefusal;
 
 /// The most Newton iterations in a step.
 pub(super) const NEWTON_LIMIT: usize = 6;

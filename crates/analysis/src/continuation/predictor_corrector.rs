@@ -4,9 +4,10 @@ use alloc::vec;
 use alloc::vec::Vec;
 
 use super::newton::{NEWTON_LIMIT, Plane, Solver};
-use super::{ContinuationSettings, Point, StepRefusal, System, Work};
+use super::{ContinuationSettings, Point, System, Work};
 use crate::dense::{Determinant, dot, norm, normalise};
 use crate::error::AnalysisError;
+use crate::refusal::StepRefusal;
 
 /// The largest correction, as a fraction of the step.
 const CORRECTION_SHARE: f64 = 0.3;
