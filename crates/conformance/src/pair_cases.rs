@@ -3,8 +3,7 @@
 use super::exciter_cases::Answered;
 use super::exciter_role::{begin_with, commands, exchange_hellos};
 use super::plant_role::{arm, forces, hold, meet};
-use super::source::Answers;
-use super::source::Samples;
+use super::source::{Answers, Samples};
 use super::stop::{Stop, failed, late, skipped};
 use super::tester::Tester;
 use super::times::MS;

@@ -21,8 +21,7 @@ use alloc::vec;
 use alloc::vec::Vec;
 use thiserror::Error;
 
-use crate::rig::Load;
-use crate::rig::{Exciter, GateSpec, MOST_CHANNELS, MOST_MORE, Measurement, Rig, RigError, RigSpec, ShakerLimit};
+use crate::rig::{Exciter, GateSpec, Load, MOST_CHANNELS, MOST_MORE, Measurement, Rig, RigError, RigSpec, ShakerLimit};
 use crate::structure::{Kind, LOADS, LoadSet, MOST_STATES, NATIVE_LOADS, OUTPUTS, States, Structure, StructureError};
 use driven_structure::DrivenStructure;
 use resonarm_dynamics::integrate::{IntegrateError, Scheme};
