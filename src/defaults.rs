@@ -136,8 +136,7 @@ mod tests {
         }
     }
 
-    /// What the program reads of a command line. `whole` is the description of all commands, which takes longer to make than to
-    /// use.
+    /// Returns what the program reads of a command line. `whole` describes all commands; making it takes longer than using it.
     fn read(whole: &mut Command, path: &str, flag: &str, given: &[String]) -> Result<Cli, String> {
         let words = format!("resonarm {path} {}", needed(path, flag));
         let words = words.split_whitespace().map(str::to_owned).chain(given.iter().cloned());

@@ -171,9 +171,11 @@ fn modes_of_known_structures_are_right() {
     let pair = |hz: f64| [(50.0, 0.01, 0.9, 0.4), (hz, 0.01, -0.7, 0.8)].to_vec();
     let cases = [
         ("i_base", three([0.01, 0.015, 0.02]), 5e-4),
+        ("i_hi", three([0.05; 3]), 5e-4),
         ("i_hh", three([0.1; 3]), 5e-4),
         ("i_low", three([0.001; 3]), 2e-3),
         ("i_cl", pair(51.0), 5e-4),
+        ("i_cl2", pair(53.0), 5e-4),
     ];
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -224,8 +224,7 @@ fn every_numeric_flag_accepts_its_value_or_says_why_not() {
     let mut cases = Vec::new();
     for (command, usual) in COMMANDS {
         for flag in numeric_flags(command) {
-            // What is no finite number takes turns: every kind comes to every command with three numeric flags.
-            for value in ["-1", "1e300", ["NaN", "inf", "garbage"][cases.len() / 3 % 3]] {
+            for value in ["-1", "NaN", "inf", "1e300", "garbage"] {
                 cases.push((with(command, usual, &flag, value), flag.clone(), value));
             }
         }

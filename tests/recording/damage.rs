@@ -101,7 +101,7 @@ proptest! {
     /// One wrong byte anywhere is detected or has no effect.
     #[test]
     fn a_wrong_byte_gives_no_wrong_record(
-        flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 50),
+        flips in prop::collection::vec((any::<prop::sample::Index>(), 1..=255_u8), 100),
     ) {
         let directory = tempfile::tempdir()?;
         let fail = |error: Box<dyn std::error::Error>| TestCaseError::fail(error.to_string());

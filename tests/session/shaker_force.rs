@@ -21,7 +21,7 @@ const READ_S: f64 = 1.0;
 struct Rig {
     links: [Link; 2],
     shaker: ShakerSpec,
-    /// The tip's place along x with the joints at rest.
+    /// Position of the tip along x with the joints at rest, m.
     rest_m: f64,
 }
 
@@ -48,7 +48,7 @@ impl Rig {
         let a1 = one.inertia_kg_m2 + one.mass_kg * centre1 * centre1 + a3 + two.mass_kg * l1 * l1;
         let [q1, q12] = [beta_rad[0] + x1, beta_rad[0] + beta_rad[1] + x1 + x2];
         let ((s1, c1), (s12, c12)) = (libm::sincos(q1), libm::sincos(q12));
-        // Of the second joint: the difference of the two.
+        // Sine and cosine of the second joint's angle, which is the difference of these two angles.
         let (s, c) = (s12 * c1 - c12 * s1, c12 * c1 + s12 * s1);
         let coriolis = [-a2 * s * (v2 * v1 + (v1 + v2) * v2), a2 * s * v1 * v1];
         let springs =

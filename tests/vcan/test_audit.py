@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 from processes import RESONARM
 
 EXAMPLE = Path("examples/audit").resolve()
-# The samples of these audits in lockstep take 80 to 120 s where nothing else runs, and many times as long beside others.
+# Four minutes of samples in lockstep take 80 s where nothing else runs, and 20 times as long beside others.
 AUDIT_PATIENCE_S = 1600
 
 PLANT = """
@@ -45,7 +45,7 @@ tolerance = 0.1
 """
 
 SCHEDULE = "levels_db = [-12, -6, -3, 0]\nseconds = [10, 10, 10, 120]"
-SHORT = "levels_db = [-6, 0]\nseconds = [6, 24]"
+SHORT = "levels_db = [-6, 0]\nseconds = [10, 60]"
 
 
 def audited(programs, folder, plant, specification, cases, controller, *more):

@@ -1,4 +1,4 @@
-//! Reasons for which no step of a continuation, or no first response of a branch, was found.
+//! Reasons for which the continuation rejects a step, or a branch has no first response.
 
 use core::fmt;
 

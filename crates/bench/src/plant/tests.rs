@@ -223,11 +223,8 @@ fn theory(shaker: &ShakerSpec, frequency_hz: f64, force_n: f64) -> (Phasor, Phas
 #[test]
 fn head_and_tip_are_those_of_linear_theory() {
     let shaker = ShakerSpec { amplifier: Amplifier::Voltage, ..SHAKER };
-    let (all_hz, near_hz) = (&[15.0, 21.8, 22.4, 30.0][..], &[21.8, 22.4][..]);
-    for (converter, bound, frequencies_hz) in
-        [(Converter::Sinc5, 1e-4, all_hz), (Converter::Sinc3, 1e-4, near_hz), (Converter::Sinc1, 2e-2, near_hz)]
-    {
-        for frequency_hz in frequencies_hz.iter().copied() {
+    for (converter, bound) in [(Converter::Sinc5, 1e-4), (Converter::Sinc3, 1e-4), (Converter::Sinc1, 2e-2)] {
+        for frequency_hz in [15.0, 21.8, 22.4, 30.0] {
             let rig = RigSpec { converter, ..shaken(shaker).rig };
             let mut plant = plant(&PlantSpec { rig, ..shaken(shaker) });
             let (from, to) = (14_000, 16_000);
