@@ -3,7 +3,8 @@
 use crate::e2e::{Protection, profile5, profile11};
 use crate::error::EncodeError;
 use crate::frame::Frame;
-use crate::message::{Message, MessageKind};
+use crate::kind::MessageKind;
+use crate::message::Message;
 use crate::network::Network;
 
 /// The content of a message on the wire. A [`Message`] is larger, for two samples in a frame.
@@ -14,6 +15,16 @@ pub(crate) struct Content {
     protection: Option<(Protection, u16)>,
     /// Counter and CRC are zero.
     frame: Frame,
+}
+
+impl Message {
+    /// Whether the message can be sent in a network.
+    ///
+    /// # Errors
+    /// [`EncodeError`] names the value that can't be sent, or says that the profile has no such message.
+    pub fn check(&self, network: Network) -> Result<(), EncodeError> {
+        Content::new(network, self).map(|_| ())
+    }
 }
 
 impl Content {
@@ -36,7 +47,8 @@ impl Content {
             None => data[0] = message.encode()?.bytes[0],
         }
         let protection = form.protection.zip(kind.data_id(network));
-        Ok(Content { kind, protection, frame: Frame::of_form(kind.id(network), &form, data) })
+        let frame = Frame::of_message(kind.id(network), form.format, form.length, data);
+        Ok(Content { kind, protection, frame })
     }
 
     /// The kind of the message.

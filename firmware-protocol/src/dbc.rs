@@ -2,7 +2,8 @@
 
 use core::fmt::{self, Write};
 
-use crate::message::MessageKind;
+use crate::frame::Id;
+use crate::kind::MessageKind;
 use crate::network::{Network, Node, Profile};
 
 /// The text of a profile's DBC, at the default base identifier and node ids: `resonarm.dbc` or `resonarm-fd.dbc`.
@@ -97,7 +98,7 @@ fn identifier(profile: Profile, line: &str) -> Option<(&str, MessageKind, &str)>
     let id = number.parse().ok()?;
     // The text has the identifiers of the default network, whatever network is written.
     let network = Network::default().with_profile(profile);
-    let kind = MessageKind::from_id(network, crate::Id::Standard(id))?;
+    let kind = MessageKind::from_id(network, Id::Standard(id))?;
     Some((before, kind, after))
 }
 

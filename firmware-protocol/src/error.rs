@@ -4,7 +4,7 @@ use core::fmt;
 
 use crate::e2e::{CounterFault, MAX_DELTA_COUNTER, Protection};
 use crate::frame::FrameFormat;
-use crate::message::MessageKind;
+use crate::kind::MessageKind;
 
 /// Error of sending a message. Nothing was sent and no counter moved.
 #[derive(Clone, Copy, Debug, PartialEq)]

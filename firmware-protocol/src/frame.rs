@@ -2,8 +2,6 @@
 
 use core::fmt;
 
-use crate::message::Form;
-
 /// A CAN identifier (ISO 11898-1): 11 bits (base format) or 29 bits (extended format).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
@@ -132,11 +130,11 @@ impl Frame {
         Frame::new(id, FrameFormat::Classic, data)
     }
 
-    /// A frame of this protocol, whose identifiers and lengths are valid by construction: of the `form`, with `data`,
-    /// which is zero beyond the form's length.
-    pub(crate) fn of_form(id: u16, form: &Form, data: [u8; 64]) -> Frame {
-        debug_assert!(data[form.length..].iter().all(|byte| *byte == 0));
-        Frame { id: Id::Standard(id), format: form.format, len: form.length as u8, data }
+    /// A frame of this protocol, whose identifiers and lengths are valid by construction: of `length` bytes of `data`,
+    /// which is zero beyond them.
+    pub(crate) fn of_message(id: u16, format: FrameFormat, length: usize, data: [u8; 64]) -> Frame {
+        debug_assert!(data[length..].iter().all(|byte| *byte == 0));
+        Frame { id: Id::Standard(id), format, len: length as u8, data }
     }
 
     /// All bytes of the buffer: those beyond the length stay zero.

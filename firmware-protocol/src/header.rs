@@ -3,9 +3,10 @@
 use core::fmt;
 
 use crate::e2e::MAX_DELTA_COUNTER;
-use crate::message::{Hello, MessageKind};
+use crate::kind::MessageKind;
+use crate::message::{Hello, PROTOCOL_VERSION};
 use crate::network::{BASE_MAX, BASE_MIN, NODE_ID_MAX, Network, Node, Profile};
-use crate::{PROTOCOL_VERSION, dbc, scaling, timing};
+use crate::{dbc, scaling, timing};
 
 /// The C header of a network: the numbers of the protocol, the network's own, and of each message identifier, data id
 /// and length. That of the default network is `c/include/resonarm_config.h`.

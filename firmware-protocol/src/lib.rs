@@ -26,6 +26,7 @@ pub mod frame;
 mod frame_text;
 mod gate;
 pub mod header;
+mod kind;
 pub mod load;
 pub mod message;
 pub mod network;
@@ -42,9 +43,10 @@ pub use error::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFormat, Id};
 pub use frame_text::FrameTextError;
 pub use gate::{CommandCheck, CommandGate, Limit};
+pub use kind::{Cycle, Form, MessageKind};
 pub use message::{
-    Acceleration, Capabilities, Cycle, Emergency, EmergencyCode, ForceCommand, Form, Heartbeat, Hello, ImpedanceHead,
-    Measured, Message, MessageKind, Mismatch, OperatorCommand, OperatorRequest, Refusal, SamplesPerFrame, SensorPair,
+    Acceleration, Capabilities, Emergency, EmergencyCode, ForceCommand, Heartbeat, Hello, ImpedanceHead, Measured,
+    Message, Mismatch, OperatorCommand, OperatorRequest, PROTOCOL_VERSION, Refusal, SamplesPerFrame, SensorPair,
     SensorValues, Sensors, SignalError, TorqueCommand, Trip, Version,
 };
 pub use network::{DEFAULT_BASE, Network, NetworkError, Node, Profile, UnknownProfile};
@@ -54,6 +56,3 @@ pub use transmitter::Transmitter;
 
 /// The text of the specification, `SPEC.md`.
 pub const SPEC: &str = include_str!("../SPEC.md");
-
-/// The version of the protocol that this crate speaks: major in the high nibble, minor in the low one.
-pub const PROTOCOL_VERSION: u8 = 0x12;

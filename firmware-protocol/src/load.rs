@@ -2,7 +2,8 @@
 
 use crate::bits::{self, BitRates, Bits, IdFormat, Stuffing};
 use crate::frame::FrameFormat;
-use crate::message::{Cycle, MessageKind, SamplesPerFrame};
+use crate::kind::{Cycle, MessageKind};
+use crate::message::SamplesPerFrame;
 use crate::network::Profile;
 
 /// A kind of frame, and its rate.

@@ -3,7 +3,8 @@
 use crate::e2e::{Protection, Supervision, profile5, profile11};
 use crate::error::DecodeError;
 use crate::frame::Frame;
-use crate::message::{Heartbeat, Message, MessageKind, Payload};
+use crate::kind::MessageKind;
+use crate::message::{Heartbeat, Message, Payload};
 use crate::network::{Network, Node};
 use crate::state::NodeState;
 

@@ -3,7 +3,8 @@
 use crate::content::Content;
 use crate::error::EncodeError;
 use crate::frame::Frame;
-use crate::message::{Message, MessageKind};
+use crate::kind::MessageKind;
+use crate::message::Message;
 use crate::network::Network;
 
 /// Makes the frames of one node: protects each message and keeps its counter.

@@ -1,9 +1,9 @@
 //! The accelerometers at points B and C.
 
-use super::kind::MessageKind;
+use super::measured::Measured;
 use super::payload::Payload;
-use super::sensors::Measured;
 use crate::error::{DecodeError, EncodeError};
+use crate::kind::MessageKind;
 use crate::scaling::ACCELERATION;
 
 /// The acceleration that an accelerometer measures, at point B (the second joint) or C (the tip).

@@ -1,8 +1,8 @@
 //! The capabilities of a node of the FD profile, in addition to its hello.
 
 use super::fd::{self, FdBytes, FdReader};
-use super::kind::MessageKind;
 use crate::error::{DecodeError, EncodeError};
+use crate::kind::MessageKind;
 use crate::network::Node;
 
 /// The most samples in a frame.

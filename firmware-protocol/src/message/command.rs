@@ -1,8 +1,8 @@
 //! The exciter's commands: a force at the tip, or torques at the joints.
 
-use super::kind::MessageKind;
 use super::payload::Payload;
 use crate::error::{DecodeError, EncodeError};
+use crate::kind::MessageKind;
 use crate::scaling::{FORCE, TORQUE};
 
 /// The force that the exciter applies to the tip of the arm, point C, held until the next command.

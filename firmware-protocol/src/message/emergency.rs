@@ -3,10 +3,10 @@
 use core::fmt;
 
 use super::hello::Mismatch;
-use super::kind::MessageKind;
 use super::payload::Payload;
 use super::refusal::Refusal;
 use crate::error::DecodeError;
+use crate::kind::MessageKind;
 use crate::network::Node;
 
 /// The subject of an emergency. `SPEC.md` defines the `detail` of each.

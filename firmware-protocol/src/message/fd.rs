@@ -11,12 +11,8 @@
 
 use core::ops::Range;
 
-use super::Message;
-use super::capabilities::Capabilities;
-use super::command::{ForceCommand, TorqueCommand};
-use super::kind::MessageKind;
-use super::sensors::{SensorPair, Sensors};
 use crate::error::{DecodeError, EncodeError};
+use crate::kind::MessageKind;
 
 /// The bytes of a frame; CRC and counter are still zero, and bytes beyond its length are not sent.
 pub(crate) type FdBytes = [u8; 64];
@@ -36,45 +32,8 @@ pub(crate) struct FdReader<'a> {
     pub(super) bytes: &'a [u8],
 }
 
-impl Message {
-    /// The bytes of a message that is a CAN FD frame.
-    pub(crate) fn encode_fd(&self) -> Result<FdBytes, EncodeError> {
-        let kind = self.kind();
-        match self {
-            Message::Force(c) => command(kind, ForceCommand::SIGNALS, [c.force_x_n, c.force_y_n], c.sample),
-            Message::Torque(c) => command(kind, TorqueCommand::SIGNALS, [c.torque1_nm, c.torque2_nm], c.sample),
-            Message::Sensors(sensors) => sensors.encode(),
-            Message::SensorPair(pair) => pair.encode(),
-            Message::Capabilities(capabilities) => capabilities.encode(kind),
-            // Not reached: `MessageKind::form` gives Profile 5 to the messages above and to no other.
-            _ => Err(EncodeError::OtherProfile { kind }),
-        }
-    }
-
-    /// The message of this kind in a CAN FD frame whose length and protection are right.
-    pub(crate) fn decode_fd(kind: MessageKind, bytes: &[u8]) -> Result<Message, DecodeError> {
-        let reader = FdReader { kind, bytes };
-        match kind {
-            MessageKind::Force => {
-                let ([force_x_n, force_y_n], sample) = reader.command(ForceCommand::SIGNALS)?;
-                Ok(Message::Force(ForceCommand { force_x_n, force_y_n, sample }))
-            }
-            MessageKind::Torque => {
-                let ([torque1_nm, torque2_nm], sample) = reader.command(TorqueCommand::SIGNALS)?;
-                Ok(Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample }))
-            }
-            MessageKind::Sensors => Sensors::decode(&reader).map(Message::Sensors),
-            MessageKind::SensorPair => SensorPair::decode(&reader).map(Message::SensorPair),
-            MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities => {
-                Capabilities::decode(&reader).map(Message::Capabilities)
-            }
-            _ => Err(DecodeError::OtherProfile { kind }),
-        }
-    }
-}
-
 /// A command: two singles and the sample index.
-fn command(
+pub(super) fn command(
     kind: MessageKind,
     signals: [&'static str; 2],
     values: [f64; 2],
@@ -159,7 +118,8 @@ impl FdReader<'_> {
         u16::from_le_bytes([self.bytes[SAMPLE], self.bytes[SAMPLE + 1]])
     }
 
-    fn command(&self, signals: [&'static str; 2]) -> Result<([f64; 2], u16), DecodeError> {
+    /// The two singles of a command, and its sample index.
+    pub(super) fn command(&self, signals: [&'static str; 2]) -> Result<([f64; 2], u16), DecodeError> {
         // Bytes 3, 6 and 7 of a command have no signal. What is set there is rejected, so a later version can
         // use it.
         self.zero(CONTENT..SAMPLE)?;

@@ -1,8 +1,8 @@
 //! The heartbeat as in CANopen (CiA 301, "heartbeat protocol").
 
-use super::kind::MessageKind;
 use super::payload::Payload;
 use crate::error::DecodeError;
+use crate::kind::MessageKind;
 use crate::network::Node;
 use crate::state::NodeState;
 

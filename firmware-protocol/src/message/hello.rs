@@ -2,11 +2,14 @@
 
 use core::fmt;
 
-use super::kind::MessageKind;
 use super::payload::Payload;
+use crate::dbc;
 use crate::error::{DecodeError, EncodeError};
+use crate::kind::MessageKind;
 use crate::network::Profile;
-use crate::{PROTOCOL_VERSION, dbc};
+
+/// The version of the protocol that this crate speaks: major in the high nibble, minor in the low one.
+pub const PROTOCOL_VERSION: u8 = 0x12;
 
 /// The version of the protocol. Nodes of the same major version are compatible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]

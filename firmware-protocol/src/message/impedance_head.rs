@@ -1,9 +1,9 @@
 //! The impedance head at the tip: the force that acts there.
 
-use super::kind::MessageKind;
+use super::measured::Measured;
 use super::payload::Payload;
-use super::sensors::Measured;
 use crate::error::{DecodeError, EncodeError};
+use crate::kind::MessageKind;
 use crate::scaling::FORCE;
 
 /// The force that the impedance head measures at the tip, point C.

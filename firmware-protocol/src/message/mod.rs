@@ -8,7 +8,7 @@ mod fd;
 mod heartbeat;
 mod hello;
 mod impedance_head;
-mod kind;
+mod measured;
 mod operator;
 mod payload;
 mod refusal;
@@ -20,19 +20,19 @@ pub use capabilities::{Capabilities, SamplesPerFrame};
 pub use command::{ForceCommand, TorqueCommand};
 pub use emergency::{Emergency, EmergencyCode, Trip};
 pub use heartbeat::Heartbeat;
-pub use hello::{Hello, Mismatch, Version};
+pub use hello::{Hello, Mismatch, PROTOCOL_VERSION, Version};
 pub use impedance_head::ImpedanceHead;
-pub use kind::{Cycle, Form, MessageKind};
+pub use measured::Measured;
 pub use operator::{OperatorCommand, OperatorRequest};
 pub use refusal::Refusal;
-pub use sensors::{Measured, SensorPair, SensorValues, Sensors};
+pub use sensors::{SensorPair, SensorValues, Sensors};
 pub use signals::SignalError;
 
 pub(crate) use payload::Payload;
 
-use crate::content::Content;
 use crate::error::{DecodeError, EncodeError};
-use crate::network::{Network, Node};
+use crate::kind::MessageKind;
+use crate::network::Node;
 
 /// A decoded message of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -88,14 +88,6 @@ impl Message {
         }
     }
 
-    /// Whether the message can be sent in a network.
-    ///
-    /// # Errors
-    /// [`EncodeError`] names the value that can't be sent, or says that the profile has no such message.
-    pub fn check(&self, network: Network) -> Result<(), EncodeError> {
-        Content::new(network, self).map(|_| ())
-    }
-
     /// The content of a message that is a classical frame.
     pub(crate) fn encode(&self) -> Result<Payload, EncodeError> {
         let kind = self.kind();
@@ -135,6 +127,41 @@ impl Message {
             | MessageKind::SensorPair
             | MessageKind::PlantCapabilities
             | MessageKind::ExciterCapabilities => Err(DecodeError::OtherProfile { kind }),
+        }
+    }
+
+    /// The bytes of a message that is a CAN FD frame.
+    pub(crate) fn encode_fd(&self) -> Result<fd::FdBytes, EncodeError> {
+        let kind = self.kind();
+        match self {
+            Message::Force(c) => fd::command(kind, ForceCommand::SIGNALS, [c.force_x_n, c.force_y_n], c.sample),
+            Message::Torque(c) => fd::command(kind, TorqueCommand::SIGNALS, [c.torque1_nm, c.torque2_nm], c.sample),
+            Message::Sensors(sensors) => sensors.encode(),
+            Message::SensorPair(pair) => pair.encode(),
+            Message::Capabilities(capabilities) => capabilities.encode(kind),
+            // Not reached: `MessageKind::form` gives Profile 5 to the messages above and to no other.
+            _ => Err(EncodeError::OtherProfile { kind }),
+        }
+    }
+
+    /// The message of this kind in a CAN FD frame whose length and protection are right.
+    pub(crate) fn decode_fd(kind: MessageKind, bytes: &[u8]) -> Result<Message, DecodeError> {
+        let reader = fd::FdReader { kind, bytes };
+        match kind {
+            MessageKind::Force => {
+                let ([force_x_n, force_y_n], sample) = reader.command(ForceCommand::SIGNALS)?;
+                Ok(Message::Force(ForceCommand { force_x_n, force_y_n, sample }))
+            }
+            MessageKind::Torque => {
+                let ([torque1_nm, torque2_nm], sample) = reader.command(TorqueCommand::SIGNALS)?;
+                Ok(Message::Torque(TorqueCommand { torque1_nm, torque2_nm, sample }))
+            }
+            MessageKind::Sensors => Sensors::decode(&reader).map(Message::Sensors),
+            MessageKind::SensorPair => SensorPair::decode(&reader).map(Message::SensorPair),
+            MessageKind::PlantCapabilities | MessageKind::ExciterCapabilities => {
+                Capabilities::decode(&reader).map(Message::Capabilities)
+            }
+            _ => Err(DecodeError::OtherProfile { kind }),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! The operator's command: arm, disarm, reset.
 
-use super::kind::MessageKind;
 use super::payload::Payload;
 use crate::error::DecodeError;
+use crate::kind::MessageKind;
 use crate::network::Node;
 use crate::state::StateEvent;
 

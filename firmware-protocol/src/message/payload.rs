@@ -1,8 +1,8 @@
 //! The common layout of protected messages: four flag bits and six bytes besides CRC and counter.
 
-use super::kind::MessageKind;
-use super::sensors::Measured;
+use super::measured::Measured;
 use crate::error::{DecodeError, EncodeError};
+use crate::kind::MessageKind;
 use crate::scaling::{Count, RAW_NOT_AVAILABLE, Scale};
 
 /// The content of a message: the flags (high nibble of byte 1) and bytes 2 to 7.

@@ -3,17 +3,9 @@
 use super::acceleration::Acceleration;
 use super::fd::{self, FdBytes, FdReader};
 use super::impedance_head::ImpedanceHead;
-use super::kind::MessageKind;
+use super::measured::Measured;
 use crate::error::{DecodeError, EncodeError};
-
-/// Reading of one instrument along one axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// The value, in the unit of its signal.
-    pub value: f64,
-    /// The instrument clipped it. Also set in the frame when `value` is beyond the range of a single.
-    pub saturated: bool,
-}
+use crate::kind::MessageKind;
 
 /// The readings of all instruments at one sample, each along x and y of the base frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -10,9 +10,10 @@ use super::emergency::{Emergency, EmergencyCode};
 use super::heartbeat::Heartbeat;
 use super::hello::{Hello, Version};
 use super::impedance_head::ImpedanceHead;
-use super::kind::MessageKind;
+use super::measured::Measured;
 use super::operator::{OperatorCommand, OperatorRequest};
-use super::sensors::{Measured, SensorPair, SensorValues, Sensors};
+use super::sensors::{SensorPair, SensorValues, Sensors};
+use crate::kind::MessageKind;
 use crate::network::{Node, Profile};
 use crate::state::NodeState;
 

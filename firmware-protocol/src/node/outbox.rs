@@ -7,7 +7,8 @@
 use super::queue::Queue;
 use crate::content::Content;
 use crate::error::EncodeError;
-use crate::message::{Capabilities, Emergency, Heartbeat, Hello, Message, MessageKind, OperatorCommand};
+use crate::kind::MessageKind;
+use crate::message::{Capabilities, Emergency, Heartbeat, Hello, Message, OperatorCommand};
 use crate::network::{Network, Node};
 
 /// Most messages in the queue. None waits twice in a row, so this is many changes of state.

@@ -11,37 +11,37 @@ use crate::timing::{HEARTBEAT_PERIOD_NS, HELLO_PERIOD_NS};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum MessageKind {
-    /// Message [`OperatorCommand`](super::OperatorCommand) to either node.
+    /// Message [`OperatorCommand`](crate::message::OperatorCommand) to either node.
     Operator,
-    /// Message [`ForceCommand`](super::ForceCommand) of the exciter.
+    /// Message [`ForceCommand`](crate::message::ForceCommand) of the exciter.
     Force,
-    /// Message [`TorqueCommand`](super::TorqueCommand) of the exciter.
+    /// Message [`TorqueCommand`](crate::message::TorqueCommand) of the exciter.
     Torque,
-    /// Message [`ImpedanceHead`](super::ImpedanceHead) of the plant.
+    /// Message [`ImpedanceHead`](crate::message::ImpedanceHead) of the plant.
     Head,
-    /// [`Acceleration`](super::Acceleration) at point B.
+    /// [`Acceleration`](crate::message::Acceleration) at point B.
     AccelerometerB,
-    /// [`Acceleration`](super::Acceleration) at point C.
+    /// [`Acceleration`](crate::message::Acceleration) at point C.
     AccelerometerC,
-    /// [`Hello`](super::Hello) of the plant.
+    /// [`Hello`](crate::message::Hello) of the plant.
     PlantHello,
-    /// [`Hello`](super::Hello) of the exciter.
+    /// [`Hello`](crate::message::Hello) of the exciter.
     ExciterHello,
-    /// [`Heartbeat`](super::Heartbeat) of the plant.
+    /// [`Heartbeat`](crate::message::Heartbeat) of the plant.
     PlantHeartbeat,
-    /// [`Heartbeat`](super::Heartbeat) of the exciter.
+    /// [`Heartbeat`](crate::message::Heartbeat) of the exciter.
     ExciterHeartbeat,
-    /// [`Emergency`](super::Emergency) of the plant.
+    /// [`Emergency`](crate::message::Emergency) of the plant.
     PlantEmergency,
-    /// [`Emergency`](super::Emergency) of the exciter.
+    /// [`Emergency`](crate::message::Emergency) of the exciter.
     ExciterEmergency,
-    /// Message [`Sensors`](super::Sensors) of the plant.
+    /// Message [`Sensors`](crate::message::Sensors) of the plant.
     Sensors,
-    /// Message [`SensorPair`](super::SensorPair) of the plant.
+    /// Message [`SensorPair`](crate::message::SensorPair) of the plant.
     SensorPair,
-    /// [`Capabilities`](super::Capabilities) of the plant.
+    /// [`Capabilities`](crate::message::Capabilities) of the plant.
     PlantCapabilities,
-    /// [`Capabilities`](super::Capabilities) of the exciter.
+    /// [`Capabilities`](crate::message::Capabilities) of the exciter.
     ExciterCapabilities,
 }
 
