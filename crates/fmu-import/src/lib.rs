@@ -18,6 +18,7 @@
 //! changing how it rounds, ends the simulation with an error or has no effect on it.
 
 mod abi;
+mod alarm;
 mod archive;
 mod description;
 mod error;

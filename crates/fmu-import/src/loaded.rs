@@ -5,10 +5,10 @@ use std::io::{PipeReader, Read};
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::abi::{Fmi, Fmi2, Fmi3, InstanceSpec, Library, StartError, begin};
+use crate::abi::{Fmi, Fmi2, Fmi3, InstanceSpec, Library, StartError, StepOutcome, begin};
+use crate::alarm::end_within;
 use crate::description::Version;
 use crate::message::{Answer, Answers, Request, StepCall, Stepped};
-use crate::process::end_within;
 use crate::source::Source;
 
 /// How long an FMU may take to free its instance and to be unloaded, s.
@@ -85,15 +85,21 @@ fn step(
     if let Some(set) = set {
         let called = fmu.set(&mapping.set.references, set);
         if !called.is_good() {
-            return Stepped::new(StepCall::Set, called.status, None);
+            return stepped(StepCall::Set, called.status, None);
         }
     }
     let outcome = fmu.step(from_s, step_s);
     if !outcome.called.is_good() || outcome.terminates {
-        return Stepped::new(StepCall::Step, outcome.called.status, Some(outcome));
+        return stepped(StepCall::Step, outcome.called.status, Some(outcome));
     }
     let called = fmu.get(&mapping.read.references, read);
-    Stepped::new(StepCall::Get, called.status, Some(outcome))
+    stepped(StepCall::Get, called.status, Some(outcome))
+}
+
+/// The end of a step that got as far as `call`.
+fn stepped(call: StepCall, status: i32, outcome: Option<StepOutcome>) -> Stepped {
+    let terminates = outcome.is_some_and(|outcome| outcome.terminates);
+    Stepped { call, status, terminates, reached_s: outcome.and_then(|outcome| outcome.reached_s) }
 }
 
 /// The answer that tells of an error before the simulation.

@@ -6,8 +6,6 @@
 use std::io::{Error, ErrorKind, PipeWriter, Read, Result, Write};
 use std::sync::{Mutex, PoisonError};
 
-use crate::abi::StepOutcome;
-
 /// The longest answer that is read, bytes: an array of a million numbers has 8 MB.
 const MOST_LENGTH: u32 = 1 << 26;
 
@@ -70,14 +68,6 @@ pub(crate) struct Stepped {
     pub status: i32,
     pub terminates: bool,
     pub reached_s: Option<f64>,
-}
-
-impl Stepped {
-    /// The end of a step that got as far as `call`.
-    pub fn new(call: StepCall, status: i32, outcome: Option<StepOutcome>) -> Stepped {
-        let terminates = outcome.is_some_and(|outcome| outcome.terminates);
-        Stepped { call, status, terminates, reached_s: outcome.and_then(|outcome| outcome.reached_s) }
-    }
 }
 
 /// An answer of the process of an FMU, or of the one that watches it.

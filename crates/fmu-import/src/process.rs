@@ -207,15 +207,6 @@ extern "C" fn leave(code: c_int, _argument: *mut core::ffi::c_void) {
     exit(code)
 }
 
-/// Ends this process by SIGALRM after `seconds`.
-pub(crate) fn end_within(seconds: u32) {
-    // SAFETY: calls with numbers.
-    unsafe {
-        libc::signal(libc::SIGALRM, libc::SIG_DFL);
-        libc::alarm(seconds);
-    }
-}
-
 /// The process of the FMU, in which only the files that are `kept` stay open.
 fn run(
     source: &Source,

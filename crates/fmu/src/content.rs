@@ -150,7 +150,7 @@ impl Content {
         let text = fs::read_to_string(&path).map_err(|source| unreadable(source.to_string()))?;
         let versioned: Versioned = toml::from_str(&text).map_err(|error| unreadable(error.to_string()))?;
         if versioned.version != VERSION {
-            return Err(Fault::Version { got: versioned.version });
+            return Err(Fault::Version { got: versioned.version, expected: VERSION });
         }
         let content = Content { settings: versioned.settings, scenario: Scenario::read(&folder.join(SCENARIO))? };
         // The token follows from what was read, so a scenario that was edited after the export is noticed.

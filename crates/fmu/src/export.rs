@@ -7,11 +7,12 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::archive::{Files, pack};
+use crate::construction::{build, variables};
 use crate::content::{Content, Interface, Role, Settings, VERSION, token};
 use crate::description::{IDENTIFIER, model_description};
 use crate::documentation::{LICENSE, index};
 use crate::fault::Fault;
-use crate::model::{self, Parameters};
+use crate::model::Parameters;
 use crate::terminals::{MANIFEST, TERMINALS, manifest, terminals_and_icons};
 use resonarm_files::write_whole;
 
@@ -186,9 +187,9 @@ pub fn export(content: &Content, library: Library, path: &Path) -> Result<Summar
     // The token is taken of the resources as they are packed, so that the library can compute it again from what it
     // reads.
     let token = token(&resources);
-    let variables = model::variables(content)?;
+    let variables = variables(content)?;
     // Builds the model once, so that an error in the scenario is reported now and not in the importer.
-    model::build(content, &Parameters::of(&content.scenario))?;
+    build(content, &Parameters::of(&content.scenario))?;
     let scenario = content.scenario.to_toml().map_err(Fault::from)?;
     let platform = library.platform;
     let mut files: Files = resources.into_iter().map(|(name, data)| (format!("resources/{name}"), data)).collect();

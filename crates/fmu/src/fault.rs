@@ -11,8 +11,7 @@ use resonarm_numeric::number::short;
 use resonarm_scenario::ScenarioError;
 use resonarm_session::run::RunError;
 
-use crate::content::VERSION;
-use crate::instance::State;
+use crate::state::State;
 
 /// Error of an FMI call; the importer reads it in its log.
 #[derive(Debug, Error)]
@@ -31,11 +30,13 @@ pub enum Fault {
     NoResources,
     /// The resources are of another version than the library.
     #[error(
-        "the resources are of version {got}, but the library is of version {VERSION}: export the FMU again with `resonarm fmu`"
+        "the resources are of version {got}, but the library is of version {expected}: export the FMU again with `resonarm fmu`"
     )]
     Version {
         /// Version of the resources.
         got: String,
+        /// Version of the library.
+        expected: &'static str,
     },
     /// The token is not that of the resources.
     #[error(

@@ -13,6 +13,7 @@
 pub mod abi;
 mod archive;
 mod bus;
+mod construction;
 pub mod content;
 mod description;
 mod documentation;
@@ -20,9 +21,11 @@ pub mod export;
 mod fault;
 pub mod instance;
 mod model;
+mod model_state;
 mod node;
 mod operation;
 mod signals;
+mod state;
 mod tape;
 mod terminal;
 mod terminals;
@@ -30,3 +33,4 @@ mod units;
 mod variables;
 
 pub use fault::{Fault, WrongCall};
+pub use state::State;

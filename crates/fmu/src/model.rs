@@ -1,12 +1,10 @@
 //! Simulation of an instance.
 
-use crate::bus::BusModel;
-use crate::content::{Content, Interface, Role, Settings};
+use crate::content::Content;
 use crate::fault::{Fault, WrongCall};
-use crate::node::{Node, SavedNode};
-use crate::signals::{SavedSignals, Signals};
+use crate::model_state::Saved;
 use crate::terminal::Terminal;
-use crate::variables::{self, Source, Variable};
+use crate::variables::Source;
 use resonarm_bench::structure::LOADS;
 use resonarm_files::recording::Existing;
 use resonarm_scenario::Scenario;
@@ -71,18 +69,6 @@ pub(crate) fn reached(time_s: f64, rate_hz: f64) -> u64 {
 /// The capability by which a description says that a model has no states to save.
 pub(crate) const NO_STATES: &str = "canGetAndSetFMUState is false";
 
-/// The error of a state that another kind of model has saved.
-pub(crate) fn of_other_interface() -> Fault {
-    Fault::Saved("it belongs to an FMU with another interface")
-}
-
-/// A state that the importer holds, without what all models have.
-#[derive(Clone, Debug)]
-pub(crate) enum Saved {
-    Signals(Box<SavedSignals>),
-    Node(Box<SavedNode>),
-}
-
 /// The simulation behind an instance: the plant by signals, a CAN node or the bus.
 pub(crate) trait Model {
     /// The simulation begins: a recording is opened.
@@ -128,30 +114,4 @@ pub(crate) trait Model {
     fn end(&mut self) -> Result<(), Fault> {
         Ok(())
     }
-}
-
-/// The variables of a content.
-pub(crate) fn variables(content: &Content) -> Result<Vec<Variable>, Fault> {
-    match content.settings.role {
-        Role::Plant => {
-            let session = Parameters::of(&content.scenario).session(content)?;
-            Ok(variables::table(content, Some(&session.plant_at_start())))
-        }
-        Role::Exciter | Role::Bus => Ok(variables::table(content, None)),
-    }
-}
-
-/// The model of a content, at its start.
-pub(crate) fn build(content: &Content, parameters: &Parameters) -> Result<Box<dyn Model>, Fault> {
-    let Settings { interface, role, clock, nodes } = content.settings;
-    Ok(match (interface, role) {
-        (Interface::Signals, _) => Box::new(Signals::new(parameters.session(content)?)),
-        (Interface::Can, Role::Plant | Role::Exciter) => {
-            Box::new(Node::new(parameters.session(content)?, role == Role::Plant, clock)?)
-        }
-        (Interface::Can, Role::Bus) => {
-            let spec = content.scenario.timed_bus()?.ok_or(Fault::NoBitRate)?;
-            Box::new(BusModel::new(&spec, nodes, clock))
-        }
-    })
 }

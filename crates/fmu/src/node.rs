@@ -4,13 +4,12 @@
 //! start frames go to and fro until nothing moves, then sample 0 is measured; later the samples of a step are measured
 //! at their times, and frames that come are read at the time of their event.
 
-use std::sync::Arc;
-
 use crate::content::TxClock;
 use crate::fault::{Fault, WrongCall};
-use crate::model::{Inputs, Model, NO_STATES, Saved, Span, of_other_interface, reached};
+use crate::model::{Inputs, Model, NO_STATES, Span, reached};
+use crate::model_state::{Controller, Saved, SavedNode, of_other_interface};
 use crate::operation::{BusErrorCode, Operation, Status};
-use crate::tape::{Mark, Tape};
+use crate::tape::Tape;
 use crate::terminal::Terminal;
 use crate::variables::Source;
 use resonarm_files::recording::Record;
@@ -29,15 +28,6 @@ enum End {
     Exciter(HostedExciter),
 }
 
-/// Error counters of the node's controller, counted from what the bus reports of its frames (ISO 11898-1, as
-/// [`resonarm_bus::timed::ErrorCounters`]).
-#[derive(Clone, Copy, Debug, Default)]
-struct Controller {
-    transmit_errors: u16,
-    /// Time at which the node has recovered from bus-off, ns.
-    recovers_ns: Option<u64>,
-}
-
 /// A node at its terminal.
 pub(crate) struct Node {
     end: End,
@@ -49,17 +39,6 @@ pub(crate) struct Node {
     /// Whether sample 0 is measured.
     samples: bool,
     tape: Option<Tape>,
-}
-
-/// A state of the plant's node.
-#[derive(Clone, Debug)]
-pub(crate) struct SavedNode {
-    plant: Box<HostedPlant>,
-    terminal: Terminal,
-    controller: Controller,
-    now_ns: u64,
-    samples: bool,
-    mark: Option<Arc<Mark>>,
 }
 
 impl Node {

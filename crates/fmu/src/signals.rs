@@ -7,26 +7,15 @@
 //! A step of the importer may have many samples or be a part of one. Samples are counted, t_k = start + k/rate, so that
 //! the steps change no bit.
 
-use std::sync::Arc;
-
 use crate::fault::Fault;
-use crate::model::{Inputs, Model, Saved, Span, TOLERANCE_SAMPLES, of_other_interface, reached};
-use crate::tape::{Mark, Tape};
+use crate::model::{Inputs, Model, Span, TOLERANCE_SAMPLES, reached};
+use crate::model_state::{Measured, Saved, SavedSignals, of_other_interface};
+use crate::tape::Tape;
 use crate::variables::Source;
-use resonarm_bench::plant::Plant;
-use resonarm_bench::rig::{Load, MOST_CHANNELS, Measurement};
+use resonarm_bench::rig::{Load, MOST_CHANNELS};
 use resonarm_bus::Statistics;
 use resonarm_files::recording::Record;
 use resonarm_session::run::{Session, sample_record, state_record};
-
-/// The plant at a sample, measured.
-#[derive(Clone, Debug)]
-pub(crate) struct Measured {
-    pub plant: Plant,
-    pub measurement: Measurement,
-    /// The load from the sample to the next, once a step has begun.
-    pub held: Option<Load>,
-}
 
 /// The plant with its recording.
 pub(crate) struct Signals {
@@ -34,14 +23,6 @@ pub(crate) struct Signals {
     rate_hz: f64,
     now: Measured,
     tape: Option<Tape>,
-}
-
-/// A state of it.
-#[derive(Clone, Debug)]
-pub(crate) struct SavedSignals {
-    pub now: Measured,
-    /// Mark of a state that was not read from bytes, while something is recorded.
-    pub mark: Option<Arc<Mark>>,
 }
 
 impl Signals {

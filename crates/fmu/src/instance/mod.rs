@@ -7,54 +7,15 @@
 mod saved;
 mod values;
 
-use core::fmt;
 use std::path::Path;
 
+use crate::construction::{build, variables};
 use crate::content::{Content, Interface};
 use crate::fault::{Fault, WrongCall};
-use crate::model::{self, Inputs, Model, Parameters, Saved, Span, TOLERANCE_SAMPLES};
+use crate::model::{Inputs, Model, Parameters, Span, TOLERANCE_SAMPLES};
+use crate::model_state::Saved;
+use crate::state::State;
 use crate::variables::Variable;
-
-/// The state of an instance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum State {
-    /// The instance was created or reset, and is not yet initialized.
-    Instantiated,
-    /// The instance is in initialization mode.
-    Initialization,
-    /// The instance is in event mode.
-    Event,
-    /// The instance is in step mode.
-    Step,
-    /// The simulation has ended.
-    Terminated,
-    /// A call has failed.
-    Failed,
-}
-
-impl State {
-    const ALL: [State; 6] =
-        [State::Instantiated, State::Initialization, State::Event, State::Step, State::Terminated, State::Failed];
-
-    /// The state of this number.
-    fn of(number: u8) -> Option<State> {
-        State::ALL.into_iter().find(|state| *state as u8 == number)
-    }
-}
-
-impl fmt::Display for State {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            State::Instantiated => "the state Instantiated",
-            State::Initialization => "initialization mode",
-            State::Event => "event mode",
-            State::Step => "step mode",
-            State::Terminated => "the state Terminated",
-            State::Failed => "the state after an error",
-        })
-    }
-}
 
 /// A value of a variable, of the types that are numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,7 +73,7 @@ impl Instance {
             return Err(WrongCall::NeedsEventMode.into());
         }
         let parameters = Parameters::of(&content.scenario);
-        let variables = model::variables(&content)?;
+        let variables = variables(&content)?;
         Ok(Instance {
             parameters,
             variables,
@@ -140,7 +101,7 @@ impl Instance {
         // Built when it is first needed, since parameters may be set until then.
         let model = match self.model.take() {
             Some(model) => model,
-            None => model::build(&self.content, &self.parameters)?,
+            None => build(&self.content, &self.parameters)?,
         };
         Ok(&mut **self.model.insert(model))
     }

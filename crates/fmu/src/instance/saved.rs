@@ -1,13 +1,14 @@
 //! States as bytes: little-endian numbers behind a head that names the FMU, the version and the length.
 
 use crate::fault::Fault;
-use crate::model::{Parameters, Saved};
-use crate::signals::{Measured, SavedSignals};
+use crate::model::Parameters;
+use crate::model_state::{Measured, Saved, SavedSignals};
+use crate::state::State;
 use resonarm_bench::plant::Plant;
 use resonarm_bench::rig::{Load, MOST_MORE, Measurement, Reading, Readings};
 use resonarm_bench::structure::LOADS;
 
-use super::{SavedInstance, State};
+use super::SavedInstance;
 
 /// First bytes of a saved state: the name and version of the format.
 const MAGIC: [u8; 8] = *b"rsnfmu\0\x03";

@@ -1,7 +1,8 @@
 //! The values of an instance's variables.
 
-use super::{ALIVE, BEFORE, Instance, READABLE, State, Value};
+use super::{ALIVE, BEFORE, Instance, READABLE, Value};
 use crate::fault::{Fault, WrongCall};
+use crate::state::State;
 use crate::terminal::{Interval, Terminal};
 use crate::variables::{Causality, Kind, Source, Variable};
 
