@@ -27,7 +27,8 @@ use super::sub_harmonic::SubHarmonicSearch;
 use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::error::EndedEarly;
 use crate::forced::{Coordinate, Forced};
-use crate::orbit::{Bifurcation, Branch, BranchEnd, Orbit, TraceOptions};
+use crate::orbit::{Bifurcation, Branch, BranchEnd, Orbit};
+use crate::trace_options::TraceOptions;
 
 /// Harmonics with which responses are sought, for smooth forces and for others.
 const HARMONICS: [usize; 2] = [3, 5];

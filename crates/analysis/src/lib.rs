@@ -58,6 +58,7 @@ mod start_near;
 mod sub_harmonic;
 mod switching;
 pub mod time_domain;
+mod trace_options;
 mod unknowns;
 mod walk;
 
@@ -74,9 +75,7 @@ pub use grid::frequencies_hz;
 pub use integrators::{EnergyDrift, ModeError, energy_drift, mode_errors};
 pub use linear::{FrfError, LinearResponse};
 pub use nearest::{Distances, Nearest, nearest};
-pub use orbit::{
-    Assess, Beat, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, TraceOptions, Unlocated, Verdict,
-};
+pub use orbit::{Beat, Bifurcation, Branch, BranchEnd, Orbit, Reading, Stability, Unlocated, Verdict};
 pub use peaks::{Maximum, half_power_width_hz, maxima};
 pub use phase_zero::phase_zero_state;
 pub use poles::{Pole, longest_time_constant_s, structure_poles};
@@ -85,6 +84,7 @@ pub use refusal::{StartAttempt, StartEnd, StartStructure, StepRefusal};
 pub use rows::{segments, stretches};
 pub use sub_harmonic::SubHarmonicSearch;
 pub use switching::{NotFollowed, Origin, OriginKind, OtherBranch, OtherBranches, OtherOptions, trace_branches};
+pub use trace_options::{Assess, TraceOptions};
 
 #[cfg(test)]
 mod tests;

@@ -6,7 +6,8 @@ use super::balance::Balance;
 use super::detect::point_of;
 use crate::continuation::at_parameter;
 use crate::forced::{Coordinate, Forced};
-use crate::orbit::{Branch, Orbit, TraceOptions};
+use crate::orbit::{Branch, Orbit};
+use crate::trace_options::TraceOptions;
 
 /// Returns the states, at phase 0 and at one frequency, Hz, of the responses of a branch over the frequency:
 /// coordinates, rates, states of elements. Each is solved for between its neighbours on the branch, or is the first of

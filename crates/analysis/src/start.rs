@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 
 use super::adapt::begin;
 use super::balance::{Balance, Homotopy, unit_deflection};
-use super::orbit::TraceOptions;
 use super::start_near::start_near;
+use super::trace_options::TraceOptions;
 use crate::continuation::{Continuation, ContinuationSettings, System, at_parameter};
 use crate::error::AnalysisError;
 use crate::refusal::{MOST_POINTS, StartAttempt, StartEnd, StartStructure, StepRefusal};

@@ -13,7 +13,7 @@ use resonarm_dynamics::structure::{Dof, StepError, Stepper};
 
 use super::adapt::begin;
 use super::balance::Balance;
-use super::orbit::TraceOptions;
+use super::trace_options::TraceOptions;
 use super::unknowns::Body;
 use crate::continuation::{Continuation, System};
 use crate::dense::dot;

@@ -19,8 +19,8 @@ use alloc::vec::Vec;
 use crate::columns::{Columns, Lane, add_conjugate_product, combine, gram, products};
 use crate::fit::{Fit, Problem, RunFit};
 use crate::model::Layout;
-use crate::noise::{Variances, gains};
-use crate::run::{Pairs, Run};
+use crate::noise::gains;
+use crate::run::{Pairs, Run, Variances};
 
 /// A matrix of two rows and columns, over the real and the imaginary part.
 pub(crate) type Block = [[f64; 2]; 2];

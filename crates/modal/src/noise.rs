@@ -23,7 +23,7 @@ use resonarm_numeric::linear_solve::solve_complex;
 use crate::cholesky::Cholesky;
 use crate::columns::Columns;
 use crate::fit::{Fit, Output, Problem, ROUNDING, RunFit};
-use crate::run::Run;
+use crate::run::{Run, Variances};
 
 /// Rounds of the regression, each with the weights of the one before.
 const ROUNDS: usize = 15;
@@ -34,13 +34,6 @@ const OWN_WEIGHTS: usize = 8;
 /// Least part of a step, and least change of the likelihood.
 const LEAST_STEP: f64 = 1e-3;
 const LEAST_CHANGE: f64 = 1e-6;
-
-/// Variances of complex values at a line: those of a sample, as spectra are divided by √N.
-#[derive(Clone, Debug)]
-pub(crate) struct Variances {
-    pub responses: Vec<f64>,
-    pub references: Vec<f64>,
-}
 
 /// Gains of all outputs over all references: output o and reference i in column o · references + i.
 pub(crate) fn gains(run: &Run, found: &RunFit) -> Columns {

@@ -9,7 +9,6 @@ use resonarm_numeric::dft::Lines;
 use crate::columns::{Columns, Lane};
 use crate::error::ModalError;
 use crate::model::{Grid, Quantity};
-use crate::noise::Variances;
 use crate::spectra::{SpectraError, check_finite, check_rate};
 
 /// A record is at rest where the standard deviation is below this part of the peak.
@@ -85,6 +84,13 @@ pub enum TransientModel {
     Present,
     /// No record has a transient: whole periods of a settled response, or rest at both ends.
     Absent,
+}
+
+/// Variances of complex values at a line: those of a sample, as spectra are divided by √N.
+#[derive(Clone, Debug)]
+pub(crate) struct Variances {
+    pub responses: Vec<f64>,
+    pub references: Vec<f64>,
 }
 
 /// The spectra of a run in the band.

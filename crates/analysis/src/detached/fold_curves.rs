@@ -11,8 +11,9 @@ use crate::branch_options::{BifurcationKind, BranchOptions};
 use crate::continuation::{Continuation, ContinuationSettings, Point, at_parameter};
 use crate::dense::norm;
 use crate::forced::Coordinate;
-use crate::orbit::{Assess, Branch, Orbit, TraceOptions};
+use crate::orbit::{Branch, Orbit};
 use crate::singular::{Singular, Singularity};
+use crate::trace_options::{Assess, TraceOptions};
 
 /// The truncation error along a curve: folds move far less than their responses.
 const TRUNCATION: f64 = 1e-3;

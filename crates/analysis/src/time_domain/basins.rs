@@ -15,9 +15,10 @@ use crate::branch::trace;
 use crate::detached::SearchOptions;
 use crate::error::EndedEarly;
 use crate::forced::{Coordinate, Forced};
-use crate::orbit::{Branch, Reading, TraceOptions};
+use crate::orbit::{Branch, Reading};
 use crate::phase_zero::phase_zero_states;
 use crate::switching::{OtherBranch, OtherOptions, trace_branches};
+use crate::trace_options::TraceOptions;
 
 /// The branch is traced between these multiples of the frequency, or of natural frequencies beside it, to find the responses
 /// at it.

@@ -15,8 +15,9 @@ use crate::balance::Balance;
 use crate::branch::{Tracer, trace};
 use crate::error::{AnalysisError, EndedEarly};
 use crate::forced::{Coordinate, Forced};
-use crate::orbit::{Branch, Orbit, TraceOptions};
+use crate::orbit::{Branch, Orbit};
 use crate::resonances::summits;
+use crate::trace_options::TraceOptions;
 
 /// A maximum of a displacement along a branch over the frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -17,9 +17,10 @@
 //! and without inductance f = F − (Bl²/R) ṡ (G. F. Lang, "Electrodynamic Shaker Fundamentals", Sound and Vibration,
 //! 1997).
 
-use super::MOST_COORDINATES;
-use super::assembly::{Assembly, Linear};
+use super::assembly::Assembly;
 use super::dof::Dof;
+use super::limits::MOST_COORDINATES;
+use super::linear::Linear;
 use super::position::Position;
 
 /// The coil of a shaker and what its amplifier holds.

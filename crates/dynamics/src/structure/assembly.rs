@@ -6,12 +6,14 @@ use alloc::string::{String, ToString};
 use alloc::vec;
 use alloc::vec::Vec;
 
-use super::MOST_ELEMENTS;
+use super::body::Body;
 use super::chain::Chain;
 use super::check::{check_ends, check_overlap, check_values};
 use super::dof::{At, Dof};
 use super::element::Element;
 use super::error::StructureError;
+use super::limits::MOST_ELEMENTS;
+use super::linear::{Linear, Linearised};
 use super::modal::{Modal, shape_name};
 use super::modes::{StructureMode, free_modes, modes};
 use super::polynomial::Polynomial;
@@ -35,53 +37,6 @@ impl CoordinateUnit {
             CoordinateUnit::MetreRootKilogram => "m·√kg",
         }
     }
-}
-
-/// The linear part of a structure at rest, by rows of n numbers: M q̈ + D q̇ + K q = p. With what
-/// [`Assembly::linear`] takes of elements.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Linear {
-    /// Number n of coordinates.
-    pub coordinates: usize,
-    /// M; kg·m² of a chain, dimensionless of modes.
-    pub mass: Vec<f64>,
-    /// D; N·m·s/rad, or 1/s.
-    pub damping: Vec<f64>,
-    /// K; N·m/rad, or 1/s².
-    pub stiffness: Vec<f64>,
-}
-
-/// The unbalance of a motion and its derivatives, matrices by rows of n numbers.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Linearised {
-    /// M(q) a + c(q, v) + D v + K q + g(q) − g(0) − p.
-    pub unbalance: Vec<f64>,
-    /// Derivatives of the unbalance by q.
-    pub by_position: Vec<f64>,
-    /// Derivatives of the unbalance by v.
-    pub by_velocity: Vec<f64>,
-    /// Derivatives of the unbalance by a: M(q).
-    pub by_acceleration: Vec<f64>,
-}
-
-impl Linearised {
-    /// Room for n coordinates.
-    pub fn new(coordinates: usize) -> Linearised {
-        let matrix = vec![0.0; coordinates * coordinates];
-        Linearised {
-            unbalance: vec![0.0; coordinates],
-            by_position: matrix.clone(),
-            by_velocity: matrix.clone(),
-            by_acceleration: matrix,
-        }
-    }
-}
-
-/// Body of a structure, on which the elements act.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Body {
-    Chain(Box<Chain>),
-    Modal(Modal),
 }
 
 /// A valid structure at rest.
@@ -314,7 +269,7 @@ impl Assembly {
     /// The structure at q, n numbers: what is read there more than once is read from this.
     #[inline]
     pub fn at<'a>(&'a self, q: &'a [f64]) -> Position<'a> {
-        Position::new(self, q)
+        Position::new(&self.body, q)
     }
 
     /// Returns ∂x/∂q of a degree of freedom at rest; see [`Position::direction`].

@@ -22,11 +22,11 @@ use alloc::string::ToString;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
 
-use super::MOST_LINKS;
 use super::angle::{Angle, Turn};
-use super::assembly::Linearised;
 use super::check::Range::{Finite, NotNegative, Positive};
 use super::error::StructureError;
+use super::limits::MOST_LINKS;
+use super::linear::Linearised;
 use super::parameter::{Parameter, Part};
 use super::spec::{Axis, ChainSpec, Link};
 

@@ -18,12 +18,12 @@
 use alloc::vec::Vec;
 use core::array;
 
-use super::MOST_LINKS;
 use super::angle::{Angle, Turn, within_reach};
 use super::armature::Armature;
 use super::assembly::Assembly;
 use super::chain::{Chain, LinearisedLinks, Moving};
 use super::dof::{At, Dof};
+use super::limits::MOST_LINKS;
 use super::modes::modes;
 use super::position::Kinematics;
 use super::smooth::{MovingMass, SmoothElement, SmoothMass, SmoothPlace, SmoothPolynomial};

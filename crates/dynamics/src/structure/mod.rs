@@ -17,16 +17,20 @@
 mod angle;
 mod armature;
 mod assembly;
+mod body;
 mod chain;
 mod check;
 mod coil;
 mod dof;
 mod element;
 mod error;
+mod limits;
+mod linear;
 mod links;
 mod modal;
 mod modes;
 mod parameter;
+mod parameter_values;
 mod polynomial;
 mod position;
 mod preset;
@@ -35,11 +39,13 @@ mod spec;
 mod step;
 
 pub use armature::{Armature, ArmatureMotion, Coil};
-pub use assembly::{Assembly, CoordinateUnit, Linear, Linearised};
+pub use assembly::{Assembly, CoordinateUnit};
 pub use coil::{Circuit, Current, LEAST_DECAY, Stroke};
 pub use dof::Dof;
 pub use element::{Branch, Element, Reaction, StateRate};
 pub use error::StructureError;
+pub use limits::{MOST_COORDINATES, MOST_ELEMENTS, MOST_LINKS, MOST_MODES};
+pub use linear::{Linear, Linearised};
 pub use modal::mode_transient;
 pub use modes::StructureMode;
 pub use parameter::Parameter;
@@ -51,15 +57,6 @@ pub use spec::{
     StructureSpec, Term,
 };
 pub use step::{LoadHarmonic, MOST_LOAD_HARMONICS, STAGE_TIMES, SineSteps, StepError, StepLoad, Stepper};
-
-/// The most links of a chain.
-pub const MOST_LINKS: usize = 8;
-/// The most modes of a modal structure.
-pub const MOST_MODES: usize = 32;
-/// The most elements of a structure.
-pub const MOST_ELEMENTS: usize = 16;
-/// The most coordinates of a structure.
-pub const MOST_COORDINATES: usize = if MOST_LINKS > MOST_MODES { MOST_LINKS } else { MOST_MODES };
 
 #[cfg(test)]
 mod tests;

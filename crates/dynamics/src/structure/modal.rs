@@ -13,10 +13,10 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::f64::consts::TAU;
 
-use super::MOST_MODES;
-use super::assembly::Linearised;
 use super::check::Range::Finite;
 use super::error::StructureError;
+use super::limits::MOST_MODES;
+use super::linear::Linearised;
 use super::spec::{BASE, ModalSpec, ShapeSpec};
 
 /// The most shapes: points that forces act on and that are read, one for each axis.

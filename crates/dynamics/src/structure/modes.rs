@@ -6,7 +6,7 @@ use core::f64::consts::TAU;
 
 use nalgebra::Complex;
 
-use super::assembly::Linear;
+use super::linear::Linear;
 use super::modal::Rates;
 use resonarm_numeric::linear_solve::solve_complex;
 

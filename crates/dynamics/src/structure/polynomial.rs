@@ -15,10 +15,10 @@
 
 use alloc::vec::Vec;
 
-use super::MOST_ELEMENTS;
 use super::check::Range::Finite;
 use super::dof::Dof;
 use super::error::StructureError;
+use super::limits::MOST_ELEMENTS;
 use super::position::Position;
 use super::spec::{Place, Term};
 use crate::real::Real;

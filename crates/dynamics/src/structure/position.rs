@@ -1,10 +1,11 @@
 //! A structure in a position: the motion of its places, its equation of motion and their derivatives there.
 
-use super::MOST_COORDINATES;
-use super::assembly::{Assembly, Body, Linearised};
+use super::body::Body;
 use super::chain::{Chain, Turned};
 use super::dof::{At, Dof};
 use super::element::Element;
+use super::limits::{MOST_COORDINATES, MOST_LINKS};
+use super::linear::Linearised;
 use super::modal::Modal;
 use super::spec::Axis;
 
@@ -43,8 +44,8 @@ enum BodyIn<'a> {
 impl<'a> Position<'a> {
     /// The structure at q, n numbers.
     #[inline]
-    pub(super) fn new(of: &'a Assembly, q: &'a [f64]) -> Position<'a> {
-        let body = match &of.body {
+    pub(super) fn new(body: &'a Body, q: &'a [f64]) -> Position<'a> {
+        let body = match body {
             Body::Chain(chain) => BodyIn::Chain(chain, chain.turned(q)),
             Body::Modal(modal) => BodyIn::Modal(modal),
         };
@@ -115,7 +116,7 @@ impl<'a> Position<'a> {
     }
 
     /// The acceleration, m/s² or rad/s²: of a point of a chain with the centripetal one; of modes relative to the base
-    /// (see [`Assembly::carried`]).
+    /// (see [`Assembly::carried`](super::assembly::Assembly::carried)).
     pub fn acceleration(&self, dof: Dof, v: &[f64], a: &[f64]) -> f64 {
         self.velocity(dof, a) + self.drift(dof, v)
     }
@@ -193,7 +194,7 @@ impl<'a> Position<'a> {
 
 /// wᵀv of a point of a chain.
 fn along(chain: &Chain, turned: &Turned, (links, axis): (usize, Axis), v: &[f64]) -> f64 {
-    let mut direction = [0.0; super::MOST_LINKS];
+    let mut direction = [0.0; MOST_LINKS];
     chain.direction_m(turned, links, axis, &mut direction);
     dot(&direction, v)
 }

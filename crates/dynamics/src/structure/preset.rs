@@ -8,7 +8,8 @@ use core::str::FromStr;
 use serde::Deserialize;
 
 use super::error::StructureError;
-use super::parameter::{Parameter, values_of_links};
+use super::parameter::Parameter;
+use super::parameter_values::values_of_links;
 use super::spec::{ChainSpec, Link};
 
 /// A chain that comes with the program, as a TOML file in `crates/dynamics/src/structure/presets/`.

@@ -3,7 +3,7 @@
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 
-use super::coil::Driver;
+use super::driver::Driver;
 use super::error::StepError;
 use super::lanes::{self, SineSteps};
 use super::{Engine, StateRef, StepLoad};

@@ -6,9 +6,9 @@
 //! a factor of about h Bl²/(R m), m being the mass that the coil drives: a thousandth for a shaker on an arm.
 
 use super::chains::{Course, Stepped};
+use super::driver::Driver;
 use super::error::StepError;
 use crate::integrate::{IntegrateError, Motion};
-use crate::structure::armature::{Armature, Coil};
 use crate::structure::coil::{Circuit, Stroke};
 
 /// Passes of a step in voltage mode before it counts as failed.
@@ -17,27 +17,6 @@ const MOST_PASSES: usize = 30;
 const CURRENT_WHOLE_A: f64 = f64::MIN_POSITIVE / f64::EPSILON;
 /// Change of the current in a pass, relative, below which it is the last.
 const PASS_LIMIT: f64 = 1e-12;
-
-/// The coil of a shaker on a chain.
-#[derive(Clone, Debug)]
-pub(super) struct Driver {
-    pub armature: Armature,
-    /// Circuit of a coil in voltage mode; `None` in current mode.
-    circuit: Option<Circuit>,
-    step_s: f64,
-    /// Current at the end of the last step, A.
-    pub current_a: f64,
-}
-
-impl Driver {
-    /// A coil without current, for steps of `step_s`, s; `None` if its current changes too slowly for the closed form
-    /// of a step.
-    pub fn new(armature: &Armature, step_s: f64) -> Option<Driver> {
-        let circuit = Circuit::new(&armature.coil, step_s);
-        let fits = circuit.is_some() || matches!(armature.coil, Coil::Current { .. });
-        fits.then_some(Driver { armature: *armature, circuit, step_s, current_a: 0.0 })
-    }
-}
 
 impl<const N: usize> Stepped<N> {
     /// The motion after a step from the time `t_s`, s, and the current at its end, A, while the force of the blocked

@@ -38,9 +38,9 @@ use nalgebra::Complex;
 use super::error::StepError;
 use super::{Engine, LoadHarmonic, MOST_LOAD_HARMONICS, StateRef, StepLoad, rows};
 use crate::integrate::IntegrateError;
-use crate::structure::MOST_MODES;
 use crate::structure::assembly::Assembly;
 use crate::structure::dof::Dof;
+use crate::structure::limits::MOST_MODES;
 use crate::structure::modal::{Modal, Rates, mode_transient};
 
 /// The constants of the flow of a mode.

@@ -200,7 +200,7 @@ mod tests {
     #[test]
     fn no_register_changes_a_bit() {
         let assembly = chain(2, 9.81, 0.05, true);
-        let crate::structure::assembly::Body::Chain(chain) = &assembly.body else { panic!() };
+        let crate::structure::body::Body::Chain(chain) = &assembly.body else { panic!() };
         let links = Links::<2>::new(chain, &assembly, None);
         let load = LinksLoad { torque_nm: [60.0, 0.0], force_n: [[10.0, 0.0]; 2] };
         let sines = [STAGE_TIMES.map(|part| libm::sin(0.3 * part)); 7];

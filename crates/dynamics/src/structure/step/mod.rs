@@ -14,6 +14,7 @@
 
 mod chains;
 mod coil;
+mod driver;
 mod error;
 mod exact;
 mod lanes;
@@ -29,11 +30,14 @@ use alloc::vec::Vec;
 use core::fmt;
 
 use super::armature::{Armature, ArmatureMotion, Coil};
-use super::assembly::{Assembly, Body};
+use super::assembly::Assembly;
+use super::body::Body;
 use super::dof::Dof;
 use super::element::Branch;
+use super::limits::{MOST_COORDINATES, MOST_ELEMENTS};
 use super::position::Kinematics;
 use crate::integrate::{IntegrateError, Scheme};
+use driver::Driver;
 
 /// Engine that makes the steps of a structure.
 trait Engine: fmt::Debug + Send + Sync {
@@ -188,7 +192,7 @@ impl Stepper {
         scheme: Scheme,
         rate_hz: f64,
     ) -> Result<Stepper, StepError> {
-        let driver = coil::Driver::new(armature, 1.0 / rate_hz);
+        let driver = Driver::new(armature, 1.0 / rate_hz);
         let engine = match (&assembly.body, driver) {
             _ if !(rate_hz.is_finite() && rate_hz > 0.0) => return Err(IntegrateError::Rate { got_hz: rate_hz }.into()),
             (Body::Chain(chain), Some(driver)) if assembly.is_smooth() => {
@@ -324,7 +328,7 @@ impl Stepper {
         if self.engine.read(load, current_a, dofs, out) {
             return;
         }
-        let (mut acceleration, v) = ([0.0; super::MOST_COORDINATES], self.velocity());
+        let (mut acceleration, v) = ([0.0; MOST_COORDINATES], self.velocity());
         let a = &mut acceleration[..v.len()];
         self.engine.acceleration(load, current_a, a);
         let at = self.assembly.at(self.position());
@@ -387,7 +391,7 @@ impl Stepper {
         let (v, rest) = rest.split_at(n);
         let (coil, z) = rest.split_at(self.engine.state().coil.len());
         let at = self.assembly.at(q);
-        let mut branches = [Branch::Inner; super::MOST_ELEMENTS];
+        let mut branches = [Branch::Inner; MOST_ELEMENTS];
         for (i, (branch, element)) in branches.iter_mut().zip(self.assembly.elements()).enumerate() {
             *branch = match codes.get(i) {
                 Some(0.0) => Branch::Inner,
@@ -413,7 +417,7 @@ impl Stepper {
 /// ∂x/∂q at rest of every degree of freedom, n numbers each, one after the other: of modes those everywhere.
 fn rows(assembly: &Assembly, dofs: &[Dof]) -> Vec<f64> {
     let n = assembly.coordinates();
-    let (rest, mut rows) = ([0.0; super::MOST_COORDINATES], alloc::vec![0.0; n * dofs.len()]);
+    let (rest, mut rows) = ([0.0; MOST_COORDINATES], alloc::vec![0.0; n * dofs.len()]);
     let at = assembly.at(&rest[..n]);
     for (row, dof) in rows.chunks_exact_mut(n).zip(dofs) {
         at.load_direction(*dof, row);

@@ -22,14 +22,15 @@ use super::{Engine, StateRef, StepLoad, check_coil, rows};
 use crate::integrate::IntegrateError;
 use crate::integrate::tableau::DOP853;
 use crate::structure::armature::Armature;
-use crate::structure::assembly::{Assembly, Body};
+use crate::structure::assembly::Assembly;
+use crate::structure::body::Body;
 use crate::structure::dof::Dof;
 use crate::structure::element::{Branch, Element, Margin};
+use crate::structure::limits::{MOST_COORDINATES, MOST_ELEMENTS};
 use crate::structure::modes::{StructureMode, cholesky, solve_cholesky};
 use crate::structure::polynomial::{MOST_ALL_DISPLACEMENTS, MOST_DISPLACEMENTS, Polynomial};
 use crate::structure::position::Position;
 use crate::structure::spec::Law;
-use crate::structure::{MOST_COORDINATES, MOST_ELEMENTS};
 
 /// The largest ωh of a part: the method then has a relative frequency error of 4e-11 and a damping ratio of 6e-12.
 const PHASE_RAD: f64 = 0.4;

@@ -19,9 +19,9 @@ use alloc::vec::Vec;
 use super::error::StepError;
 use super::{Engine, StateRef, StepLoad};
 use crate::integrate::IntegrateError;
-use crate::structure::MOST_COORDINATES;
 use crate::structure::armature::Armature;
 use crate::structure::assembly::Assembly;
+use crate::structure::limits::MOST_COORDINATES;
 use crate::structure::modal::Modal;
 
 /// Terms of the series: the next one is below 1e-17 of the sum.

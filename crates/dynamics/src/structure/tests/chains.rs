@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use super::*;
 use crate::integrate::{Dynamics, Motion, Scheme};
-use crate::structure::assembly::Body;
+use crate::structure::body::Body;
 use crate::structure::links::{Links, LinksLoad};
 
 #[test]

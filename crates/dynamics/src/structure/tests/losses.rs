@@ -1,6 +1,6 @@
 //! Power that dampers and elements turn into heat, for balances of energy.
 
-use super::super::assembly::Body;
+use super::super::body::Body;
 use super::*;
 
 /// q̇ᵀDq̇ of the dampers of the joints or modes, and the losses of the elements, W.

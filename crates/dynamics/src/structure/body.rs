@@ -1,0 +1,13 @@
+//! What a structure is without its elements.
+
+use alloc::boxed::Box;
+
+use super::chain::Chain;
+use super::modal::Modal;
+
+/// Body of a structure, on which the elements act.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Body {
+    Chain(Box<Chain>),
+    Modal(Modal),
+}
