@@ -15,6 +15,7 @@
 extern crate alloc;
 
 mod case;
+mod cases;
 mod random;
 mod reaction;
 mod record;
@@ -22,7 +23,8 @@ mod shock;
 mod sine;
 mod spectrum;
 
-pub use case::{BACK_S, Base, Case, Context, Finding, Measure, RESTART_S, Stimulus, Verdict, cases};
+pub use case::{BACK_S, Base, Case, Context, Finding, Measure, RESTART_S, Stimulus, Verdict};
+pub use cases::cases;
 pub use record::Record;
 
 /// The loops of the tests are those of an example, which names this crate.

@@ -4,7 +4,7 @@ use core::fmt;
 
 use thiserror::Error;
 
-use super::test_control::StopReason;
+use super::test_control::stop::StopReason;
 use crate::rig::InstrumentName;
 use crate::structure::Axis;
 use resonarm_numeric::number::{rounded, short};

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 
 use thiserror::Error;
 
-use super::spec::ExcitationError;
+use super::error::{ExcitationError, samples};
 use resonarm_numeric::number::short;
 
 /// Loads of a file in any unit: they are scaled so that the amplitude is their peak.
@@ -98,7 +98,7 @@ impl LoadFile {
         let (Some([start_s, first]), Some([end_s, _])) = (rows.first(), rows.last()) else { return Ok(Vec::new()) };
         // The last sample is the last one that is not after the last point.
         let last = libm::floor((end_s - start_s) * rate_hz + ROUNDING);
-        let count = super::synthesis::samples("path", (last + 0.5) / rate_hz, rate_hz)?;
+        let count = samples("path", (last + 0.5) / rate_hz, rate_hz)?;
         let at = |n: usize| {
             let t_s = start_s + n as f64 / rate_hz;
             // Times increase, so a binary search finds the interval.

@@ -1,5 +1,6 @@
 //! Excitation signals of an exciter controller, and the reading of the arm's response.
 
+mod error;
 mod harmonic_fit;
 mod load_file;
 mod profile;
@@ -8,11 +9,12 @@ mod spectrum;
 mod synthesis;
 mod waveform;
 
+pub use error::ExcitationError;
+pub(crate) use error::check_amplitude;
 pub use harmonic_fit::{HarmonicFit, Phasor, SineFit};
 pub use load_file::{LoadFile, LoadFileError};
 pub use profile::{Profile, Window};
-pub(crate) use spec::check_amplitude;
-pub use spec::{ExcitationError, ExcitationSpec};
+pub use spec::ExcitationSpec;
 pub use spectrum::Spectrum;
 pub use waveform::{Phases, SweepLaw, Waveform};
 

@@ -4,7 +4,8 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::f64::consts::{PI, TAU};
 
-use super::spec::{ExcitationError, ExcitationSpec};
+use super::error::{ExcitationError, samples};
+use super::spec::ExcitationSpec;
 use super::synthesis::{self, Band};
 use super::waveform::{SweepLaw, Waveform};
 use crate::rig::Load;
@@ -216,13 +217,13 @@ fn shape(spec: &ExcitationSpec, rate_hz: f64) -> Result<(Shape, f64), Excitation
         Waveform::SineList { ref frequencies_hz, dwell_s, .. } => staircase(frequencies_hz.iter().copied(), dwell_s),
         Waveform::Impulse { pulse_s, duration_s } => (Shape::Pulse(pulse_s), duration_s),
         Waveform::Random { from_hz, to_hz, duration_s, ref spectrum, seed } => {
-            let samples = synthesis::samples("duration_s", duration_s, rate_hz)?;
+            let samples = samples("duration_s", duration_s, rate_hz)?;
             let source = (seed, spectrum.as_ref());
             played(synthesis::noise(Band { from_hz, to_hz }, ("duration_s", samples), rate_hz, source)?, 1)
         }
         Waveform::BurstRandom { from_hz, to_hz, burst_s, period_s, periods, ref spectrum, seed } => {
             let period = synthesis::whole_samples("period_s", period_s, rate_hz)?;
-            let samples = synthesis::samples("period_s", period as f64 * f64::from(periods) / rate_hz, rate_hz)?;
+            let samples = samples("period_s", period as f64 * f64::from(periods) / rate_hz, rate_hz)?;
             let samples = samples.min(period * periods as usize);
             let source = (seed, spectrum.as_ref());
             let mut values = synthesis::noise(Band { from_hz, to_hz }, ("period_s", samples), rate_hz, source)?;

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use super::spec::ExcitationError;
+use super::error::ExcitationError;
 
 /// Largest number of breakpoints; the tables of test standards have some tens at most.
 const MOST_BREAKPOINTS: usize = 1000;

@@ -5,14 +5,12 @@ use core::f64::consts::PI;
 
 use nalgebra::Complex;
 
-use super::spec::ExcitationError;
+use super::error::{ExcitationError, samples};
 use super::spectrum::Spectrum;
 use super::waveform::Phases;
 use resonarm_numeric::dft::{Fft, Lines};
 use resonarm_numeric::noise::Noise;
 
-/// Largest number of samples that are stored: 70 minutes at 1 kHz.
-const MOST_SAMPLES: u32 = 1 << 22;
 /// Stream of the random numbers, far from those of the instruments and their faults.
 const STREAM: u64 = 1 << 48;
 
@@ -38,25 +36,15 @@ impl Band {
     }
 }
 
-/// Returns the length `name` in samples, rounded up.
-pub(super) fn samples(name: &'static str, length_s: f64, rate_hz: f64) -> Result<usize, ExcitationError> {
-    let samples = libm::ceil(length_s * rate_hz);
-    if samples >= 1.0 && samples <= f64::from(MOST_SAMPLES) {
-        Ok(samples as usize)
-    } else {
-        Err(ExcitationError::Length { length: name, samples, most: MOST_SAMPLES })
-    }
-}
-
 /// Returns the length `name` in samples, which must be an integer.
 pub(super) fn whole_samples(name: &'static str, length_s: f64, rate_hz: f64) -> Result<usize, ExcitationError> {
     const ROUNDING: f64 = 1e-9;
-    let samples = libm::round(length_s * rate_hz);
-    if libm::fabs(length_s * rate_hz - samples) > ROUNDING * samples {
+    let whole = libm::round(length_s * rate_hz);
+    if libm::fabs(length_s * rate_hz - whole) > ROUNDING * whole {
         return Err(ExcitationError::Value { name, got: length_s, expected: "a whole number of samples" });
     }
     // Slightly shortened, as the rounding up in `samples` would otherwise add a sample for the last bit.
-    self::samples(name, samples / rate_hz * (1.0 - ROUNDING), rate_hz)
+    samples(name, whole / rate_hz * (1.0 - ROUNDING), rate_hz)
 }
 
 /// Scales the values to a largest magnitude of 1, unless all are zero.

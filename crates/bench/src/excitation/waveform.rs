@@ -5,8 +5,8 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
+use super::error::{ExcitationError, check, not_negative, positive};
 use super::load_file::LoadFile;
-use super::spec::{ExcitationError, check, not_negative, positive};
 use super::spectrum::Spectrum;
 
 /// Largest number of frequencies of a stepped sine, since each is stored.

@@ -6,7 +6,7 @@ use resonarm_protocol::node::{self, Answering, Queue, Timing};
 use resonarm_protocol::{Capabilities, Network, Node, SamplesPerFrame, SensorValues};
 
 use super::sample;
-use super::wire::TimeBase;
+use super::time_base::TimeBase;
 use crate::control::{Abort, Answer, Controller, LoadKind, ResponsePoint};
 use crate::rig::{Load, Measurement, Readings};
 

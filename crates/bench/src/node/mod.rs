@@ -35,6 +35,7 @@ pub mod mapped;
 mod plant;
 mod refusals;
 mod sample;
+mod time_base;
 mod wire;
 
 pub use carried::{Carried, ExciterNode, ExciterOutcome, carry};
@@ -47,7 +48,8 @@ pub use plant::PlantNode;
 pub use refusals::{Refusals, RefusedLoad};
 pub use resonarm_protocol::Refusal;
 pub use resonarm_protocol::node::{FrameCheck, FrameCounts, FrameFault, NodeEvent, Timing};
-pub use wire::{TimeBase, WireSpec};
+pub use time_base::TimeBase;
+pub use wire::WireSpec;
 
 #[cfg(test)]
 mod tests;

@@ -10,19 +10,11 @@ use super::interface::PlantInterface;
 use super::mapped::MappedNode;
 use super::mapped::exciter::MappedExciter;
 use super::mapped::mapping::Mapping;
+use super::time_base::TimeBase;
 use crate::control::Controller;
 use crate::rig::{Exciter, GateSpec};
 use resonarm_protocol::Id;
 use resonarm_protocol::node::Timing;
-
-/// Time at which the commands of a user protocol are judged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TimeBase {
-    /// Commands are judged at the deadline of each sample; each message, or drive, has its own timeout.
-    Clock,
-    /// Commands are judged when the last published sample has its answer; the timeout is that of the run.
-    Lockstep,
-}
 
 /// A user protocol, ready for a node.
 #[derive(Clone, Debug)]

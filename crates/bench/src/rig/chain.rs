@@ -15,29 +15,10 @@ use alloc::vec::Vec;
 
 use super::fault::Fault;
 use super::filter::Section;
+use super::reading::{MOST_AXES, Reading};
 use super::sensor::SensorSpec;
-use crate::structure::Axis;
+use crate::structure::channel::Axis;
 use resonarm_numeric::noise::Noise;
-
-/// Reading of one axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Reading {
-    /// Value in the sensor's unit.
-    pub value: f64,
-    /// Whether the reading, including noise, was beyond the converter's range, so that the value is the last
-    /// count within it.
-    pub clipped: bool,
-}
-
-impl Reading {
-    /// Returns the value, unless it was clipped.
-    pub fn within_range(&self) -> Option<f64> {
-        (!self.clipped).then_some(self.value)
-    }
-}
-
-/// Largest number of axes of an instrument.
-pub(super) const MOST_AXES: usize = 3;
 
 /// An instrument of one to three axes.
 #[derive(Clone, Debug)]

@@ -8,11 +8,11 @@ use alloc::boxed::Box;
 
 use serde::{Deserialize, Serialize};
 
-use super::chain::{MOST_AXES, Reading};
-use super::exciter::RigError;
+use super::error::RigError;
 use super::name::InstrumentName;
+use super::reading::{MOST_AXES, Reading};
 use super::sensor::Measured;
-use crate::structure::Axis;
+use crate::structure::channel::Axis;
 use resonarm_numeric::noise::Noise;
 
 /// Largest number of faults of a rig.

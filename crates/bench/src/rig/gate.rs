@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::exciter::{Exciter, RigError};
+use super::error::RigError;
+use super::exciter::Exciter;
 use super::load::Load;
 use super::name::Section;
 use resonarm_protocol::{CommandCheck, Limit};

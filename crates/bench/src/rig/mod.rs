@@ -3,26 +3,31 @@
 mod chain;
 mod conditioner;
 pub(crate) mod converter;
+mod error;
 mod exciter;
 mod fault;
 mod filter;
 mod gate;
-mod load;
-mod name;
+pub(crate) mod load;
+pub(crate) mod measurement;
+pub(crate) mod name;
 mod place;
-mod readings;
-mod sensor;
-mod shaker;
+mod reading;
+pub(crate) mod readings;
+pub(crate) mod sensor;
+pub(crate) mod shaker;
 
-pub use chain::Reading;
 pub(crate) use conditioner::Conditioner;
 pub use converter::{Converter, Sampling};
-pub use exciter::{Exciter, ExciterSpec, RigError};
+pub use error::RigError;
+pub use exciter::{Exciter, ExciterSpec};
 pub use fault::{FaultAxis, FaultKind, FaultSpec, MOST_FAULTS};
 pub use gate::GateSpec;
 pub use load::{Load, MOST_JOINTS};
+pub use measurement::Measurement;
 pub use name::{InstrumentName, Section};
 pub use place::PlaceName;
+pub use reading::Reading;
 pub use readings::{MOST_CHANNELS, MOST_MORE, Readings};
 pub use sensor::{Measured, SensorSpec, SensorSpecs};
 pub use shaker::{Amplifier, ShakerLimit, ShakerSpec};
@@ -31,10 +36,11 @@ use alloc::vec::Vec;
 
 use serde::{Deserialize, Serialize};
 
-use chain::{Instrument, MOST_AXES};
+use chain::Instrument;
 use fault::Fault;
+use reading::MOST_AXES;
 
-use crate::structure::{Axis, Channel, Point};
+use crate::structure::channel::{Axis, Channel, Point};
 
 /// A rig as a scenario states it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -119,42 +125,6 @@ impl RigSpec {
     }
 }
 
-/// Readings of one sample, along x and y of the base frame. They belong to the motion in the middle of an
-/// earlier hold ([`Converter::delay_samples`]).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measurement {
-    /// Index of the sample.
-    pub sample: u64,
-    /// Force in the impedance head, N.
-    pub head_force_n: [Reading; 2],
-    /// Acceleration of B, m/s².
-    pub acceleration_b_m_s2: [Reading; 2],
-    /// Acceleration of C, m/s².
-    pub acceleration_c_m_s2: [Reading; 2],
-    /// Readings of the other sensors, which the protocol does not carry.
-    pub more: Readings,
-}
-
-impl Measurement {
-    /// Number of readings of head, B and C.
-    pub const CHANNELS: usize = 6;
-
-    /// Returns the readings of head, B and C: head x, y; B x, y; C x, y.
-    pub fn readings(&self) -> [Reading; Measurement::CHANNELS] {
-        let ([hx, hy], [bx, by], [cx, cy]) = (self.head_force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
-        [hx, hy, bx, by, cx, cy]
-    }
-
-    /// Returns the reading at this index among the outputs of the plant's structure; those of head, B and C
-    /// come first.
-    pub fn reading(&self, place: usize) -> Option<Reading> {
-        match place.checked_sub(Measurement::CHANNELS) {
-            Some(more) => self.more.get(more),
-            None => self.readings().get(place).copied(),
-        }
-    }
-}
-
 /// The instruments. Each axis has its own stream of noise, all from one seed.
 #[derive(Clone, Debug)]
 pub struct Rig {
@@ -183,7 +153,7 @@ impl Rig {
         exciter.check()?;
         spec.gate.check(&exciter)?;
         if spec.faults.len() > MOST_FAULTS {
-            return Err(RigError::TooManyFaults { got: spec.faults.len() });
+            return Err(RigError::TooManyFaults { got: spec.faults.len(), most: MOST_FAULTS });
         }
         let is_known = |fault: &FaultSpec| spec.instruments().any(|(name, _)| name == fault.instrument);
         // A misspelt instrument must not silently lose its fault.

@@ -1,12 +1,12 @@
 //! Readings of the sensors that the protocol does not carry.
 
-use super::chain::Reading;
+use super::reading::{NATIVE_CHANNELS, Reading};
 
 /// Largest number of channels of head and sensors together.
 pub const MOST_CHANNELS: usize = 32;
 
 /// Largest number of channels of the sensors other than head, B and C.
-pub const MOST_MORE: usize = MOST_CHANNELS - super::Measurement::CHANNELS;
+pub const MOST_MORE: usize = MOST_CHANNELS - NATIVE_CHANNELS;
 
 /// Readings of sensors at a sample, in the order of their channels. The value has a fixed size, so that it
 /// passes through ring buffers without an allocation. The names are in the plant's table

@@ -9,7 +9,7 @@ use serde::de::{self, DeserializeSeed, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::exciter::RigError;
+use super::error::RigError;
 use super::name::{InstrumentName, Section};
 use super::place::PlaceName;
 

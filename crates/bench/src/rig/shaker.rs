@@ -16,7 +16,7 @@
 use nalgebra::Vector2;
 use serde::{Deserialize, Serialize};
 
-use super::exciter::RigError;
+use super::error::RigError;
 use super::load::Load;
 use super::name::Section;
 

@@ -13,7 +13,11 @@ use core::ops::Deref;
 use serde::{Serialize, Serializer};
 
 use super::states::{MOST_COORDINATES, MOST_ELEMENTS};
-use crate::rig::{InstrumentName, Load, MOST_MORE, Measured, Measurement};
+use crate::rig::load::Load;
+use crate::rig::measurement::Measurement;
+use crate::rig::name::InstrumentName;
+use crate::rig::readings::MOST_MORE;
+use crate::rig::sensor::Measured;
 
 /// The most bytes of the name of a channel.
 const MOST_BYTES: usize = 39;

@@ -1,6 +1,6 @@
 //! A structure under test as the bench knows it: channels that act on it and that it answers in, one step a sample.
 
-mod channel;
+pub(crate) mod channel;
 mod named_sensors;
 mod states;
 
@@ -17,7 +17,8 @@ use core::fmt;
 
 use thiserror::Error;
 
-use crate::rig::{Load, ShakerLimit};
+use crate::rig::load::Load;
+use crate::rig::shaker::ShakerLimit;
 use resonarm_dynamics::structure::StepError;
 use resonarm_numeric::number::short;
 

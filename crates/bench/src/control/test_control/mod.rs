@@ -14,7 +14,7 @@ mod operator;
 mod probe;
 mod random;
 mod shock;
-mod stop;
+pub(super) mod stop;
 mod swept_sine;
 
 use alloc::boxed::Box;

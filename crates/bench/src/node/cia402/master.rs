@@ -24,7 +24,7 @@ use crate::control::{Answer, Controller};
 use crate::node::carried::{Carried, ExciterOutcome, retry_ns};
 use crate::node::exciter_interface::ExciterInterface;
 use crate::node::exciter_lack::{ExciterLack, ExciterRemark, names};
-use crate::node::wire::TimeBase;
+use crate::node::time_base::TimeBase;
 use crate::rig::{Load, Measurement, Reading, Readings};
 use crate::structure::{LOADS, OUTPUTS};
 use resonarm_protocol::node::{FrameCheck, FrameFault, NodeCore, Phase, Timing, Unanswered, Work};

@@ -23,7 +23,7 @@ use alloc::vec::Vec;
 use super::cause::RefusedFor;
 use super::guard::Guard;
 use super::interface::{PlantInterface, PublishError, PublishedSample};
-use super::wire::TimeBase;
+use super::time_base::TimeBase;
 use crate::rig::{Exciter, GateSpec, Load};
 use crate::structure::{States, joint_channel_name};
 use axis::Axis;

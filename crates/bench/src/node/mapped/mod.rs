@@ -20,7 +20,7 @@ use alloc::vec::Vec;
 use super::cause::{FaultCause, RefusedFor};
 use super::guard::Guard;
 use super::interface::{PlantInterface, PublishError, PublishedSample};
-use super::wire::TimeBase;
+use super::time_base::TimeBase;
 use crate::rig::{Exciter, GateSpec, Load};
 use crate::structure::{ChannelName, OUTPUTS};
 use incoming::Receiver;

@@ -23,7 +23,7 @@ use crate::control::{Answer, Controller, NeededReading};
 use crate::node::carried::{Carried, ExciterOutcome, retry_ns};
 use crate::node::exciter_interface::ExciterInterface;
 use crate::node::exciter_lack::{ExciterLack, ExciterRemark, names};
-use crate::node::wire::TimeBase;
+use crate::node::time_base::TimeBase;
 use crate::rig::Load;
 use crate::structure::{ChannelName, LOADS, OUTPUTS};
 use resonarm_protocol::node::{FrameFault, NodeCore, Phase, Timing, Unanswered, Work};
