@@ -1,5 +1,6 @@
 //! The table of cases.
 
+use super::case::Case;
 use super::common_cases::loaded;
 use super::damage::Damage;
 use super::stop::Stop;
@@ -11,22 +12,8 @@ use super::{
 use resonarm_protocol::{Node, NodeState};
 use resonarm_session::run::Mode;
 
-/// One case: a script of what is sent, and what must or must not be received. The scripts of a user protocol are
-/// of another type: [`WireCase`](super::WireCase).
-#[derive(Clone, Copy, Debug)]
-pub struct Case<S = Script> {
-    /// Name of the case, such as `plant-hello`.
-    pub id: &'static str,
-    /// The kind of node tested.
-    pub tested: Node,
-    /// The mode that the node is in.
-    pub mode: Mode,
-    /// Subject that the case tests.
-    pub title: &'static str,
-    /// The requirements that it covers.
-    pub requirements: &'static [&'static str],
-    pub(super) script: S,
-}
+/// A case for a node on Resonarm's protocol.
+pub type ProtocolCase = Case<Script>;
 
 /// The script of a case for Resonarm's protocol.
 #[derive(Clone, Copy, Debug)]
@@ -244,7 +231,7 @@ const LOCKSTEP_EXCITER: [Row; 4] = [
 ];
 
 /// The cases for a node in real time or in lockstep, in order; none for [`Mode::Free`], which has no bus.
-pub fn cases(tested: Node, mode: Mode) -> impl Iterator<Item = Case> {
+pub fn cases(tested: Node, mode: Mode) -> impl Iterator<Item = ProtocolCase> {
     let rows: &'static [Row] = match (mode, tested) {
         (Mode::RealTime, Node::Plant) => &PLANT,
         (Mode::RealTime, Node::Exciter) => &EXCITER,

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::{Finding, Verdict};
-use crate::cases::Case;
+use super::case::Case;
+use super::finding::{Finding, Verdict};
 use crate::settings::Settings;
 use resonarm_bus::Received;
 use resonarm_files::recording::{

@@ -15,6 +15,8 @@
 
 mod as_plant;
 mod bus_off_cases;
+mod bus_wire;
+mod case;
 mod cases;
 mod common_cases;
 mod counter_cases;
@@ -23,6 +25,7 @@ mod damage;
 mod evidence;
 mod exciter_cases;
 mod exciter_role;
+mod finding;
 mod inject;
 mod load;
 mod lockstep_cases;
@@ -45,98 +48,43 @@ mod tries;
 mod user_wire;
 mod wire;
 
-pub use cases::{Case, Script, cases};
+pub use bus_wire::BusWire;
+pub use case::Case;
+pub use cases::{ProtocolCase, Script, cases};
 pub use evidence::{Evidence, configuration};
+pub use finding::{Finding, Verdict};
 pub use requirements::{Check, REQUIREMENTS, Requirement};
 pub use settings::{ExpectedSine, Settings, SineAmplitude};
 pub use times::MARGIN_NS;
 pub use traffic::{Commands, Range, Refused, Traffic, UserRefused};
 pub use user_wire::{UserWire, UserWireError, WIRE_REQUIREMENTS, WireCase, WireScript, run_on_wire, wire_cases};
-pub use wire::{BusOff, BusWire, Stopped, Wire};
+pub use wire::{BusOff, Stopped, Wire};
 
 use resonarm_bus::BusError;
-use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
 use resonarm_protocol::{EmergencyCode, Network, Node, NodeState, OperatorRequest};
-use resonarm_session::run::Mode;
 use source::Answers;
 use stop::Stop;
 use tester::{Tester, is_state};
 use times::GONE_NS;
 use tries::{Limits, Rejected, Subject, Try, Watch, conclude, tries};
 
-/// The result of a case.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// The node does what it must.
-    Passed,
-    /// The node does not conform, with what it does.
-    Failed(String),
-    /// Undecided, with the reason.
-    Inconclusive(String),
-    /// The case was not tried, with the reason.
-    Skipped(String),
-}
-
-/// The findings of a case.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Finding {
-    /// Verdict on the node under test.
-    pub verdict: Verdict,
-    /// Measurements of the last try, in words.
-    pub measured: Vec<String>,
-    /// Duration, ns on the wire's clock, of all tries.
-    pub took_ns: u64,
-    /// The longest hold-up of the tester in the last try, ns.
-    pub held_up_ns: u64,
-    /// The longest silence of the node under test in the last try, between two of its frames, ns.
-    pub silent_ns: u64,
-    /// The frames received in the last try.
-    pub traffic: Traffic,
-}
-
-impl Finding {
-    /// The finding of a case in which the bus was lost.
-    pub fn lost(error: &BusError) -> Finding {
-        let verdict = Verdict::Inconclusive(error.to_string());
-        let traffic = Traffic::default();
-        Finding { verdict, measured: Vec::new(), took_ns: 0, held_up_ns: 0, silent_ns: 0, traffic }
-    }
-}
-
 /// Runs a case, up to five times if a hold-up keeps it from a result or the node was slow.
 ///
 /// # Errors
 /// [`BusError`] if the bus is gone.
-pub fn run(case: &Case, wire: &mut dyn Wire, network: Network, settings: Settings) -> Result<Finding, BusError> {
-    let limits = Limits {
-        held_up_ns: held_up_limit_ns(case.mode, case.tested),
-        silent_ns: silent_limit_ns(case.mode, case.tested),
-    };
+pub fn run(
+    case: &ProtocolCase,
+    wire: &mut dyn Wire,
+    network: Network,
+    settings: Settings,
+) -> Result<Finding, BusError> {
+    let limits = Limits::of_node(case.mode, case.tested);
     tries(limits, wire, |wire| {
         let mut tester = Tester::new(wire, network, case.tested, settings);
         let result = conclude((case.script.0)(&mut tester), &mut tester, limits)?;
         let Tester { watch, notes, traffic, .. } = tester;
         Ok(Try { result, watch, measured: notes, traffic })
     })
-}
-
-/// Returns how long the tester may be held up before a failure is inconclusive: a plant faults without commands for 20
-/// ms. In lockstep it waits.
-const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
-    match (mode, tested) {
-        (Mode::RealTime | Mode::Free, Node::Plant) => COMMAND_TIMEOUT_NS / 4,
-        (Mode::Lockstep, _) | (_, Node::Exciter) => MARGIN_NS,
-    }
-}
-
-/// Returns how long the node under test may be silent before it is taken to have been stopped. A plant sends samples at
-/// least every 10 ms; an exciter without samples to answer, and a plant that waits in lockstep, send heartbeats. The
-/// margin of the clock covers shorter silences.
-const fn silent_limit_ns(mode: Mode, tested: Node) -> u64 {
-    match (mode, tested) {
-        (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,
-        (Mode::Lockstep, _) | (_, Node::Exciter) => HEARTBEAT_PERIOD_NS + MARGIN_NS / 6,
-    }
 }
 
 impl Subject for Tester<'_> {

@@ -7,6 +7,7 @@ use super::source::{Answers, Samples};
 use super::stop::{Stop, failed, late, skipped};
 use super::tester::{Tester, emergency, is_state};
 use super::times::{MARGIN_NS, MS, ms};
+use super::tries::held_up_limit_ns;
 use resonarm_protocol::timing::COMMAND_AGE_NS;
 use resonarm_protocol::{EmergencyCode, NodeState};
 use resonarm_session::run::Mode;
@@ -58,7 +59,7 @@ fn soaked(t: &mut Tester, most_ns: u64) -> Result<u64, Stop> {
         match t.heard.iter().find_map(|heard| emergency(&heard.message)) {
             Some(e)
                 if e.code == EmergencyCode::CommandTimeout
-                    && t.watch.held_up_ns > super::held_up_limit_ns(Mode::RealTime, t.tested) =>
+                    && t.watch.held_up_ns > held_up_limit_ns(Mode::RealTime, t.tested) =>
             {
                 return Ok(t.now_ns() - start_ns);
             }

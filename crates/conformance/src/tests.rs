@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use super::*;
 use device::{Device, ExciterDevice, PlantDevice, StartedAgain, Stops, Virtual};
 use resonarm_protocol::{Emergency, ForceCommand, Heartbeat, Message, NodeState, Profile, SPEC, Transmitter, Trip};
+use resonarm_session::run::Mode;
 
 /// The requirement numbers in the text.
 fn marks(text: &str) -> Vec<&str> {
@@ -72,7 +73,7 @@ fn findings_in(
     network: Network,
     make: impl Fn() -> Box<dyn Device>,
 ) -> Vec<(&'static str, Finding)> {
-    let run = |case: Case| {
+    let run = |case: ProtocolCase| {
         let mut wire = Virtual::new(make());
         let finding = run(&case, &mut wire, network, settings()).unwrap();
         let rejected = finding.traffic.refused_of(|kind| kind.sender() == tested).next();

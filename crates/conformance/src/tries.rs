@@ -1,11 +1,14 @@
 //! A case is tried until it has a result: hold-ups of the tester and of the node under test decide nothing.
 
+use super::finding::{Finding, Verdict};
 use super::stop::Stop;
-use super::times::{MS, ms};
+use super::times::{MARGIN_NS, MS, ms};
 use super::traffic::Traffic;
 use super::wire::Wire;
-use super::{Finding, Verdict};
 use resonarm_bus::BusError;
+use resonarm_protocol::Node;
+use resonarm_protocol::timing::{COMMAND_TIMEOUT_NS, HEARTBEAT_PERIOD_NS};
+use resonarm_session::run::Mode;
 
 /// Number of times that a case is tried until it has a result.
 const TRIES: u32 = 5;
@@ -21,6 +24,32 @@ pub(super) struct Limits {
     pub held_up_ns: u64,
     /// The node between two of its frames, before it is taken to have been stopped, ns.
     pub silent_ns: u64,
+}
+
+impl Limits {
+    /// The limits of cases about a node in a mode, on Resonarm's protocol.
+    pub const fn of_node(mode: Mode, tested: Node) -> Limits {
+        Limits { held_up_ns: held_up_limit_ns(mode, tested), silent_ns: silent_limit_ns(mode, tested) }
+    }
+}
+
+/// Returns how long the tester may be held up before a failure is inconclusive: a plant faults without commands for 20
+/// ms. In lockstep it waits.
+pub(super) const fn held_up_limit_ns(mode: Mode, tested: Node) -> u64 {
+    match (mode, tested) {
+        (Mode::RealTime | Mode::Free, Node::Plant) => COMMAND_TIMEOUT_NS / 4,
+        (Mode::Lockstep, _) | (_, Node::Exciter) => MARGIN_NS,
+    }
+}
+
+/// Returns how long the node under test may be silent before it is taken to have been stopped. A plant sends samples at
+/// least every 10 ms; an exciter without samples to answer, and a plant that waits in lockstep, send heartbeats. The
+/// margin of the clock covers shorter silences.
+const fn silent_limit_ns(mode: Mode, tested: Node) -> u64 {
+    match (mode, tested) {
+        (Mode::RealTime | Mode::Free, Node::Plant) => MARGIN_NS / 3,
+        (Mode::Lockstep, _) | (_, Node::Exciter) => HEARTBEAT_PERIOD_NS + MARGIN_NS / 6,
+    }
 }
 
 /// A tester looks at the bus at least this often, ns.

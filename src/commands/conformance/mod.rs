@@ -17,8 +17,8 @@ use crate::session::seconds;
 use report::Row;
 use resonarm::bus::{self, BusAddress, BusError};
 use resonarm::conformance::{
-    self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, REQUIREMENTS, Requirement, Settings, SineAmplitude,
-    UserWire, UserWireError, WIRE_REQUIREMENTS, WireCase,
+    self, BusWire, Case, Commands, Evidence, ExpectedSine, Finding, ProtocolCase, REQUIREMENTS, Requirement, Settings,
+    SineAmplitude, UserWire, UserWireError, WIRE_REQUIREMENTS, WireCase,
 };
 use resonarm::protocol::{EncodeError, ForceCommand, Message, Network, Node, Profile};
 use resonarm::recording::Configuration;
@@ -170,7 +170,7 @@ impl Conformance {
             chosen(conformance::cases(self.role, self.mode), |case| case.id, &self.cases)?,
         );
         let configuration = conformance::configuration(self.role, network, settings);
-        let run = |case: &Case, wire: &mut BusWire| conformance::run(case, wire, network, settings);
+        let run = |case: &ProtocolCase, wire: &mut BusWire| conformance::run(case, wire, network, settings);
         self.report_on(&address, &cases, (&configuration, &REQUIREMENTS), run)
     }
 

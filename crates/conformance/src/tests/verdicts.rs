@@ -6,6 +6,7 @@ use super::flaws::Flaw;
 use super::{findings, findings_in, settings};
 use crate::exciter_cases::Answered;
 use resonarm_protocol::{NodeState, Profile};
+use resonarm_session::run::Mode;
 
 #[test]
 fn a_plant_with_a_flaw_fails_the_cases_for_it() {

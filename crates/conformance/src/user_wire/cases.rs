@@ -1,10 +1,11 @@
 //! The table of cases for users' own protocols.
 
 use super::craft::Damage;
+use super::protocol::UserWire;
 use super::refusal_cases::damaged;
 use super::tester::Tester;
-use super::{UserWire, controller_cases, drive_cases, lockstep_cases, plant_cases, refusal_cases};
-use crate::cases::Case;
+use super::{controller_cases, drive_cases, lockstep_cases, plant_cases, refusal_cases};
+use crate::case::Case;
 use crate::stop::Stop;
 use resonarm_protocol::{Node, NodeState};
 use resonarm_scenario::wire::PresetSpec;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::UserWire;
+use super::protocol::UserWire;
 use resonarm_bench::node::WireSpec;
 use resonarm_bench::node::mapped::mapping::{Action, Incoming};
 use resonarm_protocol::{Frame, Id};

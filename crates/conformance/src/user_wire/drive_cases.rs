@@ -1,8 +1,8 @@
 //! Cases for CANopen drives (CiA 301, CiA 402-2), by their objects.
 
-use super::COMMAND_BASE;
 use super::monitor::Heard;
 use super::plant_cases::{arm, drive, judged_fault, load_of};
+use super::protocol::COMMAND_BASE;
 use super::tester::{Alter, Tester};
 use crate::stop::{Stop, failed, inconclusive, late, not_at_once, skipped, wrong};
 use crate::times::{GONE_NS, MARGIN_NS, MS, ms};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::UserWire;
+use super::protocol::UserWire;
 use crate::traffic::Traffic;
 use crate::tries::Rejected;
 use resonarm_bench::node::mapped::mapping::ProtectionFault;

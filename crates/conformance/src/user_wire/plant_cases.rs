@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::UserWire;
 use super::controller_cases::counted;
 use super::end::End;
 use super::monitor::Heard;
+use super::protocol::UserWire;
 use super::readings::{fault_within_ns, load_readings, load_within_ns, loads, says_state, state_within_ns};
 use super::tester::{Alter, Tester};
 use crate::stop::{Stop, failed, inconclusive, late, not_at_once, skipped, wrong};

@@ -3,8 +3,8 @@
 //! A plant says what it is in readings that come from time to time: whatever a case waits for is awaited for as long as
 //! that takes at the most.
 
-use super::UserWire;
 use super::monitor::Heard;
+use super::protocol::UserWire;
 use super::tester::Tester;
 use crate::times::{MARGIN_NS, MS};
 use resonarm_bench::node::mapped::mapping::{LoadInput, Outgoing, Source, Value};

@@ -3,10 +3,11 @@
 use core::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Arc;
 
-use super::UserWire;
+use super::constant::Constant;
 use super::craft::{Damage, Sent};
-use super::end::{Constant, End, PlantEnd};
+use super::end::{End, PlantEnd};
 use super::monitor::{Heard, Monitor, Seen, name};
+use super::protocol::UserWire;
 use crate::settings::Settings;
 use crate::stop::{Stop, inconclusive};
 use crate::tries::{LOOK_NS, Watch};

@@ -11,6 +11,11 @@ use super::*;
 use crate::tests::device::{Device, Nobody, Stops, Virtual};
 use crate::{Check, Verdict};
 use devices::{ControllerDevice, Flaw, NONE, PlantDevice};
+use resonarm_bench::node::WireSpec;
+use resonarm_protocol::{Frame, FrameFormat, Id, Node};
+use resonarm_scenario::Scenario;
+use resonarm_session::run::Mode;
+use resonarm_wire::canopen::SYNC_ID;
 
 /// A scenario with a protocol of each kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
