@@ -7,7 +7,15 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempPath;
 
-use crate::recording::Existing;
+/// The action if the file already exists.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Return [`RecordingError::Exists`](crate::recording::RecordingError::Exists) and leave the file unchanged.
+    Refuse,
+    /// Replace it, at the time that [`Naming`](crate::recording::Naming) says; until then it stays unchanged. A pipe, or any other file that is
+    /// not regular, is written to.
+    Overwrite,
+}
 
 /// A file being written. Dropped before [`Staged::publish`], it leaves nothing, and an existing file unchanged.
 pub(crate) struct Staged {

@@ -15,9 +15,8 @@ use pyo3::prelude::*;
 use resonarm_protocol::Frame;
 use rtrb::{Consumer, Producer};
 
-use super::message::{ErrorFrames, Incoming};
-use super::{exception, message};
-use crate::error::{Operation, PythonCanError};
+use super::message::{self, ErrorFrames, Incoming};
+use crate::error::{Operation, PythonCanError, exception};
 use resonarm_bus::Filter;
 use resonarm_bus::socketcan::{MEMINFO_BYTES, drops_in};
 

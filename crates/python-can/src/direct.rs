@@ -12,9 +12,8 @@ use pyo3::prelude::*;
 use resonarm_protocol::Frame;
 
 use super::bridge::{Driver, Shared, Taken, is_queue_full, kernel_drops};
-use super::message::Incoming;
-use super::{exception, message};
-use crate::error::{Operation, PythonCanError};
+use super::message::{self, Incoming};
+use crate::error::{Operation, PythonCanError, exception};
 use resonarm_bus::deadline::Deadline;
 use resonarm_bus::socketcan::ControllerReports;
 use resonarm_bus::{Filter, Sent};

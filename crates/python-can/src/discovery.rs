@@ -19,8 +19,7 @@ use pyo3::exceptions::PyModuleNotFoundError;
 use pyo3::prelude::*;
 use pyo3::types::PyModule;
 
-use super::exception;
-use crate::error::{Operation, PythonCanError};
+use crate::error::{Operation, PythonCanError, exception};
 
 /// A release of Python, which decides where packages are and which of them can be loaded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

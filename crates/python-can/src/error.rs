@@ -4,6 +4,7 @@ use core::time::Duration;
 use std::io;
 use std::path::PathBuf;
 
+use pyo3::prelude::*;
 use resonarm_bus::BusError;
 use thiserror::Error;
 
@@ -141,6 +142,20 @@ impl From<PythonCanError> for BusError {
     fn from(error: PythonCanError) -> BusError {
         BusError::PythonCan(Box::new(error))
     }
+}
+
+/// A Python exception: the name of its class, its message, and those of the exception it was raised from if they say
+/// more.
+pub(crate) fn exception(py: Python<'_>, operation: Operation, error: PyErr) -> PythonCanError {
+    let kind = |error: &PyErr| error.get_type(py).name().map_or("Exception".to_string(), |name| name.to_string());
+    let mut message = error.value(py).to_string();
+    if let Some(cause) = error.cause(py)
+        && let reason = cause.value(py).to_string()
+        && !message.contains(&reason)
+    {
+        message = format!("{message} (from {}: {reason})", kind(&cause));
+    }
+    PythonCanError::Exception { operation, kind: kind(&error), message }
 }
 
 #[cfg(test)]

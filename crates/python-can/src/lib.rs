@@ -35,6 +35,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use bridge::{ATTEMPTS_WHEN_CLOSING, Driver, FilterRequest, Receiver, Sender, Shared, kernel_drops};
 use direct::Direct;
 pub use discovery::would_load;
+use error::exception;
 pub use error::{Operation, PythonCanError};
 use message::{ErrorFrames, Incoming};
 use options::Options;
@@ -394,18 +395,4 @@ fn check_interface(can: &Bound<'_, PyModule>, interface: &str) -> Result<(), Pyt
     // python-can keeps them in a set, and the message should be the same every time.
     known.sort();
     Err(PythonCanError::UnknownInterface { interface: interface.to_string(), version, known: known.join(", ") })
-}
-
-/// A Python exception: the name of its class, its message, and those of the exception it was raised from if they say
-/// more.
-fn exception(py: Python<'_>, operation: Operation, error: PyErr) -> PythonCanError {
-    let kind = |error: &PyErr| error.get_type(py).name().map_or("Exception".to_string(), |name| name.to_string());
-    let mut message = error.value(py).to_string();
-    if let Some(cause) = error.cause(py)
-        && let reason = cause.value(py).to_string()
-        && !message.contains(&reason)
-    {
-        message = format!("{message} (from {}: {reason})", kind(&cause));
-    }
-    PythonCanError::Exception { operation, kind: kind(&error), message }
 }

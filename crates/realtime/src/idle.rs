@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::thread::{Shortfall, Wanted};
+use crate::shortfall::{Shortfall, Wanted};
 
 /// The kernel's interface for the longest wake-up latency that a user tolerates (kernel documentation, "PM Quality Of
 /// Service Interface").

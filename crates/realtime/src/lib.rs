@@ -33,6 +33,7 @@ mod periodic;
 mod priority;
 mod privileges;
 mod rate;
+mod shortfall;
 mod spin;
 mod thread;
 
@@ -48,5 +49,6 @@ pub use periodic::{
 pub use priority::{FifoPriority, PriorityError};
 pub use privileges::{Finding, Privileges};
 pub use rate::{MAX_RATE_HZ, MIN_RATE_HZ, RateError, SampleRate};
+pub use shortfall::{Shortfall, Wanted};
 pub use spin::{Spin, SpinChoice, SpinError};
-pub use thread::{MemoryLock, PREFAULT_STACK_BYTES, Shortfall, ThreadReport, ThreadSetup, Wanted};
+pub use thread::{MemoryLock, PREFAULT_STACK_BYTES, ThreadReport, ThreadSetup};

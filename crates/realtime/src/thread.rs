@@ -12,6 +12,7 @@ use serde::Serialize;
 use super::priority::{FifoPriority, set_fifo};
 use super::privileges::{allowed_cores, fix_for_memory_lock, fix_for_priority, memory_lock_limit_bytes};
 use crate::idle::CoresAwake;
+use crate::shortfall::{Shortfall, Wanted};
 
 /// Bytes of its stack that [`ThreadSetup::apply`] touches, so that the loop meets no page fault there: 256 KiB.
 pub const PREFAULT_STACK_BYTES: usize = 256 * 1024;
@@ -148,36 +149,6 @@ pub enum MemoryLock {
     All,
 }
 
-/// Something that a real-time thread needs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Wanted {
-    /// Real-time scheduling by `SCHED_FIFO`.
-    Priority,
-    /// Memory locked into RAM.
-    MemoryLock,
-    /// A core to stay on.
-    Core,
-    /// Timers that aren't delayed to save power.
-    TimerSlack,
-    /// Cores that don't fall into idle states.
-    CoresAwake,
-}
-
-/// Something that was asked for and refused.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Shortfall {
-    /// Setting that the operating system denied.
-    pub wanted: Wanted,
-    /// The same in words, with its number.
-    pub what: String,
-    /// Error that the system returned.
-    pub why: String,
-    /// Way to get the setting granted.
-    #[serde(rename = "mend")]
-    pub fix: String,
-}
-
 impl Shortfall {
     fn priority(priority: FifoPriority, error: Errno) -> Self {
         let what = format!("SCHED_FIFO priority {}", priority.get());
@@ -198,12 +169,6 @@ impl Shortfall {
     fn timer_slack(error: Errno) -> Self {
         let fix = "real-time scheduling makes it unnecessary".to_owned();
         Self { wanted: Wanted::TimerSlack, what: "timers without slack".to_owned(), why: error.to_string(), fix }
-    }
-}
-
-impl fmt::Display for Shortfall {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "no {}: {}; to fix: {}", self.what, self.why, self.fix)
     }
 }
 

@@ -7,7 +7,7 @@ use thiserror::Error;
 use crate::specification::SpecificationFileError;
 use crate::structure::StructureSectionError;
 use crate::toml_error::TomlError;
-use crate::wire::WireError;
+use crate::wire::error::WireError;
 use resonarm_bench::control::ControlError;
 use resonarm_bench::excitation::{ExcitationError, LoadFileError};
 use resonarm_bench::plant::PlantSpecError;

@@ -1,10 +1,12 @@
 //! Breakpoints and pulses as comma-separated values.
 
 use alloc::borrow::ToOwned;
+use alloc::string::String;
 use alloc::vec::Vec;
 
 use crate::GRAVITY_M_S2;
 use crate::error::SpecificationError;
+use crate::profile::Corner;
 
 /// Longest part of a line that a message quotes, characters.
 const QUOTED: usize = 60;
@@ -81,6 +83,26 @@ fn table<'a>(text: &'a str, file: &str, expected: &'static str) -> Result<Table<
 /// Makes the error of a line.
 fn damaged(file: &str, (line, got): (usize, &str), fault: &'static str, expected: &'static str) -> SpecificationError {
     SpecificationError::Csv { file: file.to_owned(), line, got: got.chars().take(QUOTED).collect(), fault, expected }
+}
+
+/// Returns the corners of a profile, from the file itself or from a table that it names.
+pub(crate) fn corners(
+    section: &'static str,
+    entries: Option<&[Corner]>,
+    file: Option<&str>,
+    read: &mut dyn FnMut(&str) -> Result<String, String>,
+) -> Result<Vec<Corner>, SpecificationError> {
+    match (entries, file) {
+        (Some(entries), None) => Ok(entries.to_vec()),
+        (None, Some(file)) => {
+            let text = read(file).map_err(|message| SpecificationError::File { file: file.to_owned(), message })?;
+            Ok(breakpoints(&text, file)?.into_iter().map(Corner::Point).collect())
+        }
+        (entries, file) => {
+            let got = usize::from(entries.is_some()) + usize::from(file.is_some());
+            Err(SpecificationError::OneOf { section, keys: &["breakpoints", "file"], got })
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,11 +3,10 @@
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Place, SpecificationError};
 use crate::profile::Corner;
-use crate::specification::Control;
 use crate::tolerance::ToleranceBand;
 
 /// A specification as it stands in a TOML file, unchecked; [`Specification::new`](crate::Specification::new) checks it.
@@ -34,6 +33,56 @@ impl SpecificationFile {
         let shock = self.shock.iter().filter_map(|section| section.file.as_deref());
         random.chain(shock).chain(self.srs.iter().filter_map(|section| section.file.as_deref()))
     }
+}
+
+/// Control channels and their average.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields, expecting = "struct ControlSection")]
+pub struct Control {
+    /// Names of the channels; none leaves the choice to the one who judges.
+    pub channels: Vec<String>,
+    /// Average over the channels.
+    pub average: Average,
+}
+
+/// Average over several control channels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Average {
+    /// The mean of the channels' powers.
+    #[default]
+    Mean,
+    /// The largest of the channels, line by line.
+    Max,
+    /// The smallest of the channels, line by line.
+    Min,
+}
+
+impl Average {
+    /// Returns the average of powers, or of squares.
+    pub fn of(self, powers: impl Iterator<Item = f64>) -> f64 {
+        match self {
+            Average::Mean => {
+                let (sum, count) = powers.fold((0.0, 0.0), |(sum, count), power| (sum + power, count + 1.0));
+                sum / count
+            }
+            Average::Max => powers.fold(f64::NEG_INFINITY, f64::max),
+            Average::Min => powers.fold(f64::INFINITY, f64::min),
+        }
+    }
+}
+
+/// Reading of a sine's amplitude that is judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Measure {
+    /// The fundamental, by a tracking filter.
+    #[default]
+    Tracked,
+    /// √2 times the rms.
+    Rms,
+    /// The peak of the whole reading, harmonics included.
+    Peak,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -131,7 +180,7 @@ pub(crate) struct SineSection {
     pub share: Option<f64>,
     pub abort: Option<f64>,
     pub rate_tolerance: Option<f64>,
-    pub measure: Option<crate::sine::Measure>,
+    pub measure: Option<Measure>,
     pub tracking: Option<f64>,
     pub compression_db_s: Option<f64>,
 }

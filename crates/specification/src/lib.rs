@@ -27,13 +27,13 @@ mod tolerance;
 pub mod verdict;
 
 pub use error::{Place, SpecificationError, VerdictError};
-pub use file::{AccelerationUnit, DensityUnit, SpecificationFile};
+pub use file::{AccelerationUnit, Average, Control, DensityUnit, Measure, SpecificationFile};
 pub use presets::{PRESETS, Preset};
 pub use profile::Profile;
 pub use random::{RandomFigures, RandomTest, Schedule, ScheduleStep, hann_degrees_of_freedom, perfect_db};
 pub use shock::{PulseShape, ShockFigures, ShockTest, Shots};
-pub use sine::{Dwell, Measure, SineFigures, SineLevel, SineSegment, SineTest, SweepRate};
-pub use specification::{Average, Control, Limits, ResponseLimit, Specification, Test};
+pub use sine::{Dwell, SineFigures, SineLevel, SineSegment, SineTest, SweepRate};
+pub use specification::{Limits, ResponseLimit, Specification, Test};
 pub use srs::{SrsFigures, SrsTest};
 pub use tolerance::{Tolerance, ToleranceBand};
 

@@ -8,10 +8,10 @@ use resonarm_numeric::distribution::chi_square_quantile;
 use serde::Serialize;
 
 use crate::GRAVITY_M_S2;
+use crate::csv::corners;
 use crate::error::{Place, SpecificationError};
 use crate::file::{DensityUnit, RandomSection, ScheduleSection, any_positive, any_share, checked};
 use crate::profile::{Corner, Level, Profile};
-use crate::specification::corners;
 use crate::tolerance::Tolerance;
 
 const SECTION: &str = "random";

@@ -6,11 +6,11 @@
 use alloc::vec::Vec;
 use core::f64::consts::{LN_2, TAU};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::GRAVITY_M_S2;
 use crate::error::{Place, SpecificationError, missing};
-use crate::file::{DwellSection, SegmentEntry, SineSection, any_positive, any_share, checked, positive};
+use crate::file::{DwellSection, Measure, SegmentEntry, SineSection, any_positive, any_share, checked, positive};
 use crate::profile::{Corner, Level, Profile};
 
 const SECTION: &str = "sine";
@@ -18,19 +18,6 @@ const SECTION: &str = "sine";
 const TRACKING: f64 = 0.15;
 /// Largest bandwidth of the tracking filter over the frequency: a wider one would take in harmonics.
 const MOST_TRACKING: f64 = 0.25;
-
-/// Reading of a sine's amplitude that is judged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Measure {
-    /// The fundamental, by a tracking filter.
-    #[default]
-    Tracked,
-    /// √2 times the rms.
-    Rms,
-    /// The peak of the whole reading, harmonics included.
-    Peak,
-}
 
 /// Rate of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -1,15 +1,13 @@
 //! Specifications: a test with its sources, control channels and limits.
 
-use alloc::borrow::ToOwned;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-use crate::csv;
 use crate::error::{SpecificationError, idle, missing};
-use crate::file::{Kind, LimitsSection, SpecificationFile, any_positive, checked};
-use crate::profile::{Corner, Profile};
+use crate::file::{Control, Kind, LimitsSection, SpecificationFile, any_positive, checked};
+use crate::profile::Profile;
 use crate::random::RandomTest;
 use crate::shock::ShockTest;
 use crate::sine::SineTest;
@@ -63,43 +61,6 @@ impl Test {
             Test::Sine(test) => Some(test.band_hz()),
             Test::Shock(_) => None,
             Test::Srs(test) => Some(test.profile.band_hz()),
-        }
-    }
-}
-
-/// Control channels and their average.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields, expecting = "struct ControlSection")]
-pub struct Control {
-    /// Names of the channels; none leaves the choice to the one who judges.
-    pub channels: Vec<String>,
-    /// Average over the channels.
-    pub average: Average,
-}
-
-/// Average over several control channels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Average {
-    /// The mean of the channels' powers.
-    #[default]
-    Mean,
-    /// The largest of the channels, line by line.
-    Max,
-    /// The smallest of the channels, line by line.
-    Min,
-}
-
-impl Average {
-    /// Returns the average of powers, or of squares.
-    pub fn of(self, powers: impl Iterator<Item = f64>) -> f64 {
-        match self {
-            Average::Mean => {
-                let (sum, count) = powers.fold((0.0, 0.0), |(sum, count), power| (sum + power, count + 1.0));
-                sum / count
-            }
-            Average::Max => powers.fold(f64::NEG_INFINITY, f64::max),
-            Average::Min => powers.fold(f64::INFINITY, f64::min),
         }
     }
 }
@@ -199,24 +160,4 @@ fn limits(section: &LimitsSection, test: &Test) -> Result<Limits, SpecificationE
         gain_check_n: any_positive(SECTION, "gain_check_n", section.gain_check_n)?,
         response: section.response.iter().map(response).collect::<Result<_, _>>()?,
     })
-}
-
-/// Returns the corners of a profile, from the file itself or from a table that it names.
-pub(crate) fn corners(
-    section: &'static str,
-    entries: Option<&[Corner]>,
-    file: Option<&str>,
-    read: &mut dyn FnMut(&str) -> Result<String, String>,
-) -> Result<Vec<Corner>, SpecificationError> {
-    match (entries, file) {
-        (Some(entries), None) => Ok(entries.to_vec()),
-        (None, Some(file)) => {
-            let text = read(file).map_err(|message| SpecificationError::File { file: file.to_owned(), message })?;
-            Ok(csv::breakpoints(&text, file)?.into_iter().map(Corner::Point).collect())
-        }
-        (entries, file) => {
-            let got = usize::from(entries.is_some()) + usize::from(file.is_some());
-            Err(SpecificationError::OneOf { section, keys: &["breakpoints", "file"], got })
-        }
-    }
 }

@@ -7,11 +7,11 @@ use core::f64::consts::TAU;
 use serde::Serialize;
 
 use crate::GRAVITY_M_S2;
+use crate::csv::corners;
 use crate::error::{Place, SpecificationError, idle, missing};
 use crate::file::{AccelerationUnit, SrsSection, ToleranceEntry, any_share, checked, positive};
 use crate::profile::{Level, Profile};
 use crate::shock::{Shots, full_level_shots, shots};
-use crate::specification::corners;
 use crate::tolerance::Tolerance;
 
 const SECTION: &str = "srs";

@@ -3,7 +3,7 @@
 use ttf_parser::Face;
 
 use super::error::PlotError;
-use super::png::Outline;
+use super::outline::Outline;
 use super::scene::Weight;
 
 /// Family names for SVG: the embedded font, then common fonts of nearly the same width, then any.

@@ -14,6 +14,7 @@ mod layout;
 mod legend;
 mod marks;
 mod notes;
+mod outline;
 mod panel;
 mod png;
 mod rows;

@@ -1,10 +1,10 @@
 //! A scene as a PNG image of 300 dpi, or of fewer if it is long.
 
 use tiny_skia::{FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, StrokeDash, Transform};
-use ttf_parser::OutlineBuilder;
 
 use super::error::PlotError;
 use super::font::Fonts;
+use super::outline::Outline;
 use super::scene::{Anchor, Direction, Point, Rgb, Scene, Shape, Stroke, Text};
 use super::style::{Dash, Marker};
 
@@ -162,35 +162,6 @@ fn draw_text(canvas: &mut Canvas, fonts: &Fonts, text: &Text) {
         .pre_translate(start as f32, 0.0)
         .pre_scale(unit, -unit);
     fill_path(canvas, outline.builder.finish(), text.color, transform);
-}
-
-/// Collects glyphs side by side.
-pub(super) struct Outline {
-    builder: PathBuilder,
-    /// Where the next glyph begins, in units of the font to the right of the text's origin.
-    pub x: f32,
-}
-
-impl OutlineBuilder for Outline {
-    fn move_to(&mut self, x: f32, y: f32) {
-        self.builder.move_to(self.x + x, y);
-    }
-
-    fn line_to(&mut self, x: f32, y: f32) {
-        self.builder.line_to(self.x + x, y);
-    }
-
-    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        self.builder.quad_to(self.x + x1, y1, self.x + x, y);
-    }
-
-    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        self.builder.cubic_to(self.x + x1, y1, self.x + x2, y2, self.x + x, y);
-    }
-
-    fn close(&mut self) {
-        self.builder.close();
-    }
 }
 
 /// The image started as white, so every pixel is opaque, and alpha is not needed.

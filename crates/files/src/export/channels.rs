@@ -3,7 +3,7 @@
 use core::ops::RangeInclusive;
 
 use super::error::ExportError;
-use super::selection::RecordingPart;
+use super::recording_part::RecordingPart;
 use crate::recording::{Origin, Recording, Topic};
 
 /// Returns how long before its sample a channel was read, in samples: the delay of the instruments' converters.

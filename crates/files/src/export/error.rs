@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::ExportFormat;
-use super::selection::RecordingPart;
+use super::recording_part::RecordingPart;
 use crate::recording::RecordingError;
 use resonarm_numeric::number::short;
 use resonarm_scenario::ScenarioError;
@@ -27,7 +27,7 @@ pub enum ExportError {
         source: io::Error,
     },
     /// The format can't hold the requested records.
-    #[error("{format} can't hold {part}, only {}; use csv, which can hold all", names(.format.parts()))]
+    #[error("{format} can't hold {part}, only {}; use csv, which can hold all", RecordingPart::names(.format.parts()))]
     RecordingPart {
         /// Export format that was requested.
         format: ExportFormat,
@@ -56,7 +56,7 @@ pub enum ExportError {
     #[error(transparent)]
     Scenario(#[from] ScenarioError),
     /// The recording has no records that the format can hold.
-    #[error("the recording has no records that {format} can hold: {}", names(.format.parts()))]
+    #[error("the recording has no records that {format} can hold: {}", RecordingPart::names(.format.parts()))]
     Nothing {
         /// Export format that was requested.
         format: ExportFormat,
@@ -92,10 +92,6 @@ pub enum ExportError {
     },
 }
 
-fn names(parts: &[RecordingPart]) -> String {
-    parts.iter().map(|part| part.name()).collect::<Vec<_>>().join(", ")
-}
-
 /// Error of a text that is not the name of an [`ExportFormat`].
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{}", unknown_format(.got))]
@@ -112,8 +108,3 @@ fn unknown_format(got: &str) -> String {
         _ => format!("it must be one of {}", ExportFormat::ALL.map(ExportFormat::name).join(", ")),
     }
 }
-
-/// Error of a text that is not the name of a [`RecordingPart`].
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("it must be one of {}", names(&RecordingPart::ALL))]
-pub struct UnknownRecordingPart;

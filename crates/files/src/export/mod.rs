@@ -9,6 +9,7 @@ mod csv;
 mod error;
 mod foxglove;
 mod log;
+mod recording_part;
 pub mod scene;
 mod selection;
 mod uff58;
@@ -21,8 +22,9 @@ use std::path::{Path, PathBuf};
 use crate::can_log::LogFormat;
 use crate::recording::Recording;
 
-pub use error::{ExportError, UnknownExportFormat, UnknownRecordingPart};
-pub use selection::{RecordingPart, Selection, samples};
+pub use error::{ExportError, UnknownExportFormat};
+pub use recording_part::{RecordingPart, UnknownRecordingPart};
+pub use selection::{Selection, samples};
 
 /// File format to which a recording is exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,7 +8,8 @@ use hound::{Error, SampleFormat, WavSpec, WavWriter};
 use super::ExportedFile;
 use super::channels::{span, visit};
 use super::error::ExportError;
-use super::selection::{RecordingPart, Selection};
+use super::recording_part::RecordingPart;
+use super::selection::Selection;
 use crate::recording::{Existing, Recording};
 use crate::staged::Staged;
 

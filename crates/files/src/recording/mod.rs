@@ -44,13 +44,14 @@ pub mod slots;
 mod summary;
 mod writer;
 
+pub use crate::staged::Existing;
 pub use batch::{Batch, Batcher};
 pub use build_info::{BuildInfo, build_info};
 pub use error::RecordingError;
 pub use frames::FrameBatcher;
 pub use layout::{ChannelsError, Layout, Plot};
 pub use number_batch::{NumberBatch, Numbers};
-pub use options::{Compression, Existing, FlushPolicy, Naming, Options};
+pub use options::{Compression, FlushPolicy, Naming, Options};
 pub use plots::Plots;
 pub use reader::Recording;
 pub use record::{Clipped, Direction, Event, FrameRecord, Record, SampleRecord, StateRecord, TickRecord};

@@ -5,6 +5,7 @@ use std::time::Duration;
 use super::channels::Channels;
 use super::error::RecordingError;
 use super::summary::RunTime;
+use crate::staged::Existing;
 use resonarm_numeric::number::short;
 
 /// The times at which records are flushed to the file. A run that is killed loses at most the records after the last
@@ -30,16 +31,6 @@ pub enum Compression {
     None,
     /// Zstandard (RFC 8878), one frame a chunk.
     Zstd,
-}
-
-/// The action if the file already exists.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Existing {
-    /// Return [`RecordingError::Exists`] and leave the file unchanged.
-    Refuse,
-    /// Replace it, at the time that [`Naming`] says; until then it stays unchanged. A pipe, or any other file that is
-    /// not regular, is written to.
-    Overwrite,
 }
 
 /// The time at which the file gets its name. If the recorder is dropped before, the file is removed, and an existing

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::error::RecordingError;
-use super::options::{Compression, Existing};
+use super::options::Compression;
 use super::salvage::{LostChunk, Piece, Salvage};
 use super::scan::{Scan, Tally, lost, scan};
 use super::schema::{Topic, metadata};
 use super::sink::Sink;
 use super::summary::Integrity;
+use crate::staged::Existing;
 use crate::staged::{Staged, same_file};
 
 /// Result of a recovery: the new file, and the data that the old one lacks.

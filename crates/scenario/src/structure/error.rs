@@ -7,8 +7,8 @@ use thiserror::Error;
 use resonarm_bench::rig::MOST_CHANNELS;
 
 use super::StructureKind;
-use super::element::ElementKind;
-use super::source::StructureFileError;
+use super::element_kind::ElementKind;
+use super::source::error::StructureFileError;
 use resonarm_bench::plant::ShakerAcross;
 use resonarm_dynamics::structure::StructureError;
 use resonarm_numeric::number::short;

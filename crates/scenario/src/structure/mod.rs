@@ -2,6 +2,7 @@
 //! own, or a set of vibration modes, with elements at its points.
 
 mod element;
+mod element_kind;
 mod error;
 mod fmu;
 mod places;
@@ -15,7 +16,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-pub use element::{At, ElementKind, ElementSection};
+pub use element::{At, ElementSection};
+pub use element_kind::ElementKind;
 pub use error::StructureSectionError;
 pub use resonarm_fmu_import::{ImportError, Numbers, OutputsOf, ReadAt};
 pub use source::{

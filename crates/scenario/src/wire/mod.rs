@@ -6,7 +6,7 @@ mod cia402;
 mod compile;
 mod conversion;
 mod drives;
-mod error;
+pub(crate) mod error;
 mod exact;
 mod lacks;
 mod load;

@@ -1,8 +1,9 @@
 //! Errors of replay and re-simulation.
 
+use core::ops::RangeInclusive;
+
 use thiserror::Error;
 
-use super::player::SPEEDS;
 use resonarm_bench::node::ExciterLack;
 use resonarm_bench::plant::{PlantError, PlantSpecError};
 use resonarm_bench::rig::Load;
@@ -12,6 +13,9 @@ use resonarm_files::recording::RecordingError;
 use resonarm_numeric::number::short;
 use resonarm_protocol::{FrameError, Mismatch};
 use resonarm_scenario::ScenarioError;
+
+/// Valid speeds, in times the recorded one; 0 is as fast as possible.
+pub(super) const SPEEDS: RangeInclusive<f64> = 1e-3..=1e6;
 
 /// Error of a replay or a re-simulation.
 #[derive(Debug, Error)]

@@ -2,7 +2,7 @@
 
 use core::ops::RangeInclusive;
 
-use super::error::ReplayError;
+use super::error::{ReplayError, SPEEDS};
 use crate::run::Signals;
 use resonarm_bus::{Bus, Sent};
 use resonarm_files::recording::{Direction, FrameRecord, Recording};
@@ -15,9 +15,6 @@ pub(super) const RETRY_NS: u64 = 200_000;
 pub(super) const LOOK_NS: u64 = 20_000_000;
 /// Incoming frames discarded at one check, so that a busy bus can't hold up the player.
 pub(super) const FRAMES_AT_ONCE: usize = 1024;
-/// Valid speeds, in times the recorded one; 0 is as fast as possible.
-pub(super) const SPEEDS: RangeInclusive<f64> = 1e-3..=1e6;
-
 /// Frames to play, and how to play them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Playback {

@@ -2,11 +2,12 @@
 
 use super::error::RunError;
 use super::event_record::{controller_record, event_record, request_records, sample_record, state_record};
+use super::fault::Fault;
 use super::gauges::Gauges;
 use super::mistakes::{RefusedFrame, last_such_sample};
 use super::outage::Outage;
 use super::record_sink::RecordSink;
-use super::report::{BusCounts, Fault};
+use super::report::BusCounts;
 use super::round_trip::RoundTrips;
 use super::signals::{BusLoss, RunEvent};
 use super::watch::{Notice, Request, Watched};

@@ -2,11 +2,13 @@
 
 use super::bench::Bench;
 use super::error::RunError;
+use super::mistakes::refused_command;
 use super::pace::Pace;
-use super::report::PlantOutcome;
+use super::report::{BusCounts, Histograms, PlantOutcome, PlantReport, RefusedCommands};
+use super::round_trip::RoundTrips;
 use resonarm_bus::Bus;
 use resonarm_protocol::EmergencyCode;
-use resonarm_realtime::{Clock, PeriodicError};
+use resonarm_realtime::{Clock, OverrunCauses, PeriodicError};
 
 /// Longest time to send the remaining frames, ns: several times the time that a full outbox takes at 125 kbit/s.
 pub(super) const SEND_LIMIT_NS: u64 = 500_000_000;
@@ -109,4 +111,38 @@ fn send_rest<C: Clock>(bench: &mut Bench, bus: &mut dyn Bus, pace: &Pace<'_, C>)
         pace.clock.sleep_until_ns(pace.clock.now_ns() + RETRY_NS);
     }
     Ok(())
+}
+
+impl PlantReport {
+    /// Makes the report of a run of `bench`, without its timing.
+    pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: PlantOutcome, error: Option<RunError>) -> PlantReport {
+        let emergency = bench.node.latched_fault();
+        PlantReport {
+            outcome,
+            fault: emergency.as_ref().map(|found| bench.fault_found(found)),
+            emergency,
+            cause: bench.node.fault_cause(),
+            partner_fault: bench.node.fault_reason(),
+            partner: bench.node.fault_reason().map(|reason| bench.fault_found(&reason)),
+            bus_loss: bench.bus_loss,
+            error,
+            samples: bench.samples,
+            steps: bench.steps(),
+            overruns: 0,
+            overrun_causes: OverrunCauses::default(),
+            slipped: 0,
+            thread: None,
+            spin: None,
+            histograms: Histograms::default(),
+            wakeup_us: None,
+            exec_us: None,
+            round_trip_us: bench.round_trips.as_ref().and_then(RoundTrips::percentiles),
+            pacing: None,
+            bus,
+            refused: RefusedCommands::from(bench.node.refusals()),
+            first_refused_command: bench.node.refusals().first_load().map(|of| refused_command(&of, &bench.plant)),
+            first_refused_frame: None,
+            recording: None,
+        }
+    }
 }

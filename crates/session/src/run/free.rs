@@ -1,7 +1,7 @@
 //! Free: plant and exciter in one loop, in simulated time, with the ends of a virtual bus between them.
 
-use super::Ending;
 use super::bench::Bench;
+use super::ending::Ending;
 use super::error::RunError;
 use super::exciter::steer;
 use super::finish::{EndedBy, outcome};

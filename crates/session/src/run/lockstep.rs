@@ -7,13 +7,13 @@
 
 use core::time::Duration;
 
-use super::Ending;
 use super::bench::Bench;
+use super::ending::Ending;
 use super::error::RunError;
 use super::finish::{EndedBy, RETRY_NS, finish};
+use super::hold::Hold;
 use super::pace::{Pace, Speed};
 use super::report::{Histograms, PlantReport};
-use super::session::Hold;
 use super::signals::Signals;
 use resonarm_bus::Bus;
 use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, SampleRate};

@@ -37,13 +37,16 @@
 
 mod bench;
 mod core_watch;
+mod ending;
 mod error;
 mod event_record;
 mod exciter;
 mod exciter_end;
+mod fault;
 mod finish;
 mod free;
 mod gauges;
+mod hold;
 mod hosted;
 mod lockstep;
 mod mistakes;
@@ -63,50 +66,17 @@ mod watch;
 pub use error::RunError;
 pub use event_record::{sample_record, state_record};
 pub use exciter_end::ExciterEnd;
+pub use fault::Fault;
 pub use gauges::{Gauges, Shown};
 pub use hosted::{HostPort, HostedExciter, HostedPlant};
 pub use mode::{Mode, UnknownMode};
-pub use pace::{Speed, SpeedError};
+pub use pace::{Pacing, Speed, SpeedError};
 pub use report::{
-    BothReport, BusCounts, ExciterReport, Fault, Histograms, Pacing, PlantOutcome, PlantReport, RefusedCommands,
-    fault_text,
+    BothReport, BusCounts, ExciterReport, Histograms, PlantOutcome, PlantReport, RefusedCommands, fault_text,
 };
 pub use session::{OnShortfall, Options, RecordTo, Session};
 pub use signals::{BusLoss, RunEvent, Signals};
 pub use watch::{CommandRecord, End, NotAsked, Notice, Request, TestState, Watch, Watched, Watcher, watch};
-
-use self::bench::Bench;
-use self::finish::EndedBy;
-
-/// Conditions that end a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Ending {
-    /// Ends the run after this many samples.
-    after_samples: Option<u64>,
-    /// Ends the run when an armed plant is disarmed or faults.
-    on_disarm: bool,
-    /// Ends the run if nobody has armed the plant after this time, ns.
-    patience_ns: Option<u64>,
-}
-
-impl Ending {
-    /// Returns the cause that ends the run now, if any. The time is read only where it matters.
-    fn reached(&self, bench: &Bench, signals: &Signals, now_ns: impl Fn() -> u64) -> Option<EndedBy> {
-        if signals.is_stopped() {
-            Some(EndedBy::Signal)
-        } else if self.on_disarm && bench.has_left_armed() {
-            Some(EndedBy::Disarm)
-        } else if self.after_samples.is_some_and(|samples| bench.sample() >= samples) {
-            Some(EndedBy::Duration)
-        } else if !bench.was_armed()
-            && (signals.has_exciter_ended() || self.patience_ns.is_some_and(|patience_ns| now_ns() >= patience_ns))
-        {
-            Some(EndedBy::Patience)
-        } else {
-            None
-        }
-    }
-}
 
 #[cfg(test)]
 mod tests;

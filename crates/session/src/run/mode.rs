@@ -5,7 +5,7 @@ use core::str::FromStr;
 
 use thiserror::Error;
 
-use super::session::Network;
+use resonarm_bus::timed;
 
 /// The run loop that drives the plant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -54,6 +54,15 @@ impl FromStr for Mode {
 pub struct UnknownMode {
     /// Text that names no mode.
     pub got: String,
+}
+
+/// Connection between the nodes of a run that has both.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Network {
+    /// A bus on which every frame arrives at once: each sample is answered before the next.
+    Ideal,
+    /// A bus with faults, or on which frames take their time: the nodes keep the deadlines of real time.
+    Real(Option<timed::Spec>),
 }
 
 impl Network {

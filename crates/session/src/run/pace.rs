@@ -9,9 +9,9 @@
 //! A run in simulated time skips or changes no sample for being late: it is processed as soon as the machine gets to
 //! it, and the lag of simulated time behind the clock is reported.
 
+use serde::Serialize;
 use thiserror::Error;
 
-use super::report::Pacing;
 use resonarm_numeric::number::{rounded, short};
 use resonarm_realtime::{Clock, HistogramError, LatencyHistogram, Percentiles, SampleRate};
 
@@ -47,6 +47,17 @@ impl Speed {
     pub(super) fn period_s(self, rate: SampleRate) -> f64 {
         if self.is_paced() { 1.0 / (rate.rate_hz() * self.0) } else { 0.0 }
     }
+}
+
+/// The progress of simulated time against the clock.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pacing {
+    /// Simulated seconds a second that were requested.
+    pub speed: f64,
+    /// Lag of simulated time behind the clock at the last sample, s of the clock.
+    pub lag_s: f64,
+    /// Largest lag behind the clock, s.
+    pub longest_lag_s: f64,
 }
 
 /// Error of a speed that a run can't have.

@@ -3,8 +3,9 @@
 use super::bench::Bench;
 use super::error::RunError;
 use super::mode::Mode;
+use super::mode::Network;
 use super::record_sink::RecordSink;
-use super::session::{Network, RecordTo, Session};
+use super::session::{RecordTo, Session};
 use super::signals::RunEvent;
 use super::watch::End;
 use resonarm_bench::node::{self, ExciterInterface, ExciterRemark, PlantInterface, PlantNode, TimeBase, WireSpec};

@@ -4,9 +4,9 @@
 //! to k, measure and send sample k. A command that answers sample k − 1 before tick k thus acts from k − 1 on, exactly
 //! as in lockstep. Nothing in the tick allocates, locks, logs or blocks; the bus and the recording guarantee the same.
 
-use super::Ending;
 use super::bench::Bench;
 use super::core_watch::Overrun;
+use super::ending::Ending;
 use super::error::RunError;
 use super::finish::{EndedBy, finish};
 use super::pace::{Pace, Speed};

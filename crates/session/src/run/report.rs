@@ -4,10 +4,10 @@ use core::fmt::Write;
 
 use serde::{Serialize, Serializer};
 
-use super::bench::Bench;
 use super::error::RunError;
-use super::mistakes::{first_such_sample, refused_command};
-use super::round_trip::RoundTrips;
+use super::fault::Fault;
+use super::mistakes::first_such_sample;
+use super::pace::Pacing;
 use super::signals::{BusLoss, Signals};
 use resonarm_bench::control::{ResponsePoint, TestReport};
 use resonarm_bench::node::{self, FaultCause, FrameCounts, Refusals, Unheeded};
@@ -110,38 +110,6 @@ pub struct PlantReport {
 }
 
 impl PlantReport {
-    /// Makes the report of a run of `bench`, without its timing.
-    pub(super) fn new(bench: &Bench, bus: BusCounts, outcome: PlantOutcome, error: Option<RunError>) -> PlantReport {
-        let emergency = bench.node.latched_fault();
-        PlantReport {
-            outcome,
-            fault: emergency.as_ref().map(|found| bench.fault_found(found)),
-            emergency,
-            cause: bench.node.fault_cause(),
-            partner_fault: bench.node.fault_reason(),
-            partner: bench.node.fault_reason().map(|reason| bench.fault_found(&reason)),
-            bus_loss: bench.bus_loss,
-            error,
-            samples: bench.samples,
-            steps: bench.steps(),
-            overruns: 0,
-            overrun_causes: OverrunCauses::default(),
-            slipped: 0,
-            thread: None,
-            spin: None,
-            histograms: Histograms::default(),
-            wakeup_us: None,
-            exec_us: None,
-            round_trip_us: bench.round_trips.as_ref().and_then(RoundTrips::percentiles),
-            pacing: None,
-            bus,
-            refused: RefusedCommands::from(bench.node.refusals()),
-            first_refused_command: bench.node.refusals().first_load().map(|of| refused_command(&of, &bench.plant)),
-            first_refused_frame: None,
-            recording: None,
-        }
-    }
-
     /// Returns the fault that was latched at the end in words, with its cause and remedy.
     pub fn fault_text(&self) -> Option<String> {
         let emergency = self.emergency.as_ref()?;
@@ -257,58 +225,6 @@ impl BothReport {
             Some(node::ExciterOutcome::PlantLeft) if signals.is_stopped() => Some(node::ExciterOutcome::Stopped),
             outcome => outcome,
         }
-    }
-}
-
-/// The progress of simulated time against the clock.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Pacing {
-    /// Simulated seconds a second that were requested.
-    pub speed: f64,
-    /// Lag of simulated time behind the clock at the last sample, s of the clock.
-    pub lag_s: f64,
-    /// Largest lag behind the clock, s.
-    pub longest_lag_s: f64,
-}
-
-/// A fault, as numbers and by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Fault {
-    /// Number of the fault in the protocol's specification, section 9.
-    pub code: u16,
-    /// Name of the code in that section.
-    pub name: &'static str,
-    /// Further information; the meaning depends on the code.
-    pub detail: u16,
-    /// The index of the sample at which it was found.
-    pub sample: u64,
-}
-
-impl Fault {
-    /// Makes the fault of an emergency, which states its sample modulo 65536.
-    pub(super) fn at(emergency: &Emergency, sample: u64) -> Fault {
-        let Emergency { code, detail, .. } = *emergency;
-        Fault { code: code as u16, name: name(code), detail, sample }
-    }
-}
-
-const fn name(code: EmergencyCode) -> &'static str {
-    match code {
-        EmergencyCode::CommandTimeout => "command timeout",
-        EmergencyCode::SensorTimeout => "sensor timeout",
-        EmergencyCode::HeartbeatLost => "heartbeat lost",
-        EmergencyCode::PartnerFault => "partner fault",
-        EmergencyCode::Incompatible => "incompatible",
-        EmergencyCode::CommandOutOfRange => "command out of range",
-        EmergencyCode::SimulationFailed => "simulation failed",
-        EmergencyCode::Overrun => "overrun",
-        EmergencyCode::BusLoss => "bus loss",
-        EmergencyCode::SampleSequence => "sample sequence",
-        EmergencyCode::ScheduleSlipped => "schedule slipped",
-        EmergencyCode::Leaving => "leaving",
-        EmergencyCode::SecondSender => "second sender",
-        EmergencyCode::ExciterTripped => "exciter tripped",
-        EmergencyCode::StopRequested => "stop requested",
     }
 }
 

@@ -6,14 +6,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread;
 
-use super::Ending;
 use super::bench::Bench;
 use super::core_watch::CoreWatch;
+use super::ending::Ending;
 use super::error::RunError;
 use super::exciter::{self, Patience};
 use super::free::Free;
+use super::hold::{Callback, Hold};
 use super::lockstep::lockstep;
-use super::mode::Mode;
+use super::mode::{Mode, Network};
 use super::pace::{Pace, Speed, SpeedError};
 use super::real_time::real_time;
 use super::report::{BothReport, BusCounts, ExciterReport, PlantReport};
@@ -84,39 +85,6 @@ pub struct Options {
     /// Number of restarts of an exciter after a fault: it resets and arms the plant, and plays its profile from the
     /// start.
     pub rearm: u32,
-}
-
-/// Connection between the nodes of a run that has both.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Network {
-    /// A bus on which every frame arrives at once: each sample is answered before the next.
-    Ideal,
-    /// A bus with faults, or on which frames take their time: the nodes keep the deadlines of real time.
-    Real(Option<timed::Spec>),
-}
-
-/// A function of the caller's, which has no text for `Debug`.
-pub(super) struct Callback<R>(pub Arc<dyn Fn() -> R + Send + Sync>);
-
-impl<R> Clone for Callback<R> {
-    fn clone(&self) -> Callback<R> {
-        Callback(Arc::clone(&self.0))
-    }
-}
-
-impl<R> core::fmt::Debug for Callback<R> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str("Callback")
-    }
-}
-
-/// Holds simulated time before a sample.
-#[derive(Clone, Debug)]
-pub(super) struct Hold {
-    /// Sample before which time stands.
-    pub sample: u64,
-    /// Says whether time goes on.
-    pub is_over: Callback<bool>,
 }
 
 /// A scenario ready to run: plant on a bus, exciter on a bus, or both.

@@ -4,8 +4,8 @@ use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use serde::{Serialize, Serializer};
 
+use super::fault::Fault;
 use super::gauges::Gauges;
-use super::report::Fault;
 use resonarm_bus::{BusError, ControllerState};
 use resonarm_protocol::Id;
 

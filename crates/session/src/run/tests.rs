@@ -5,6 +5,7 @@ use core::time::Duration;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use super::ending::Ending;
 use super::lockstep::lockstep;
 use super::real_time::real_time;
 use super::*;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::error::SurveyError;
-use super::plan::SurveyExcitation;
+use super::excitation::SurveyExcitation;
 use resonarm_bench::identify::{Band, RigPlaces};
 use resonarm_bench::rig::Load;
 use resonarm_files::import::IMPORTED_FROM;

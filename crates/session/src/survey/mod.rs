@@ -5,13 +5,15 @@
 //! recordings in a folder, `index.json`; it can also list recordings of a real structure.
 
 mod error;
+mod excitation;
 mod index;
 mod plan;
 mod runs;
 
 pub use error::SurveyError;
+pub use excitation::SurveyExcitation;
 pub use index::{LeftOut, PlanSummary, RunState, SurveyIndex, SurveyRun};
-pub use plan::{MOST_ACCELEROMETERS, PlannedRun, SurveyExcitation, SurveyPlan, SurveyRequest, displacements};
+pub use plan::{MOST_ACCELEROMETERS, PlannedRun, SurveyPlan, SurveyRequest, displacements};
 pub use runs::Survey;
 
 #[cfg(test)]

@@ -25,9 +25,10 @@ use serde::Serialize;
 
 use super::{Verdict, mean};
 use crate::error::VerdictError;
+use crate::file::Average;
 use crate::profile::Profile;
 use crate::random::{RandomTest, Schedule};
-use crate::specification::{Average, Limits};
+use crate::specification::Limits;
 
 /// Correlations of adjacent lines, and of lines with one between them.
 const CORRELATIONS: [f64; 2] = [4.0 / 9.0, 1.0 / 36.0];

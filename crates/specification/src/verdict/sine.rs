@@ -22,7 +22,8 @@ use serde::Serialize;
 use super::random::LimitVerdict;
 use super::{Begin, Verdict, mean};
 use crate::error::VerdictError;
-use crate::sine::{Measure, SineTest, SweepRate};
+use crate::file::Measure;
+use crate::sine::{SineTest, SweepRate};
 use crate::specification::Limits;
 
 /// Cycles of the lowest frequency over which the rate of the phase is averaged, twice.

@@ -6,7 +6,7 @@
 //! the numbers, and its re-simulation does not need the file.
 
 mod body;
-mod error;
+pub(super) mod error;
 mod matrices;
 mod mtx;
 mod npy;

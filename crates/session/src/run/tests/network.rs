@@ -1,6 +1,6 @@
 //! Free runs on a bus with bit rates and faults.
 
-use super::super::session::Network;
+use super::super::mode::Network;
 use super::*;
 use resonarm_bus::timed;
 use resonarm_protocol::bits::BitRates;
