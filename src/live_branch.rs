@@ -2,7 +2,7 @@
 
 use crate::drive::Drive;
 use crate::figures::branches::stretches;
-use crate::measured_points::size;
+use crate::read_at::size;
 use resonarm::analysis::{BifurcationKind, Branch, Coordinate, Orbit, Reading, TraceOptions, trace};
 use resonarm::scenario::{Scenario, ScenarioError};
 use resonarm::structure::Dof;

@@ -5,9 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::output::or_empty;
-use crate::read_at::displacement_unit;
+use crate::read_at::{displacement_unit, size};
 use resonarm::control::ResponsePoint;
-use resonarm::excitation::Phasor;
 use resonarm::plant::{ReadDof, TestedAssembly};
 
 /// The measurement of an accelerometer along one axis: the fundamental of the displacement.
@@ -80,11 +79,6 @@ impl MeasuredPoint {
             (true, clipped) => format!("clipped: {}", clipped.join(", ")),
         }
     }
-}
-
-/// Returns the modulus of a phasor.
-pub(crate) fn size(phasor: Phasor) -> f64 {
-    libm::hypot(phasor.re, phasor.im)
 }
 
 /// Returns the responses of a controller as points, with the displacements of the accelerometers.

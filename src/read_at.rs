@@ -3,8 +3,8 @@
 use serde_json::{Value, json};
 
 use crate::failure::Failure;
-use crate::measured_points::size;
 use resonarm::analysis::Reading;
+use resonarm::excitation::Phasor;
 use resonarm::structure::{Assembly, Dof};
 
 /// A degree of freedom at which responses are read.
@@ -25,6 +25,11 @@ impl ReadAt {
     pub fn column(&self) -> String {
         self.name.replace('.', "_")
     }
+}
+
+/// Returns the modulus of a phasor.
+pub(crate) fn size(phasor: Phasor) -> f64 {
+    libm::hypot(phasor.re, phasor.im)
 }
 
 /// Returns the degrees of freedom without their names.

@@ -47,3 +47,4 @@ pub mod survey_labelled;
 pub mod sweep;
 pub mod verdict;
 pub mod verdict_report;
+pub mod verdict_words;

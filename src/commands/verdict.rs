@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
-use serde::Serialize;
+use clap::Args;
 use serde_json::json;
 
 use super::plot::table;
 use super::spec::figure_of;
+use super::verdict_words::{Undecided, begins_text, db, level_measured, percent};
 use crate::commands::verdict_report;
 use crate::failure::Failure;
 use crate::help::heading;
@@ -17,7 +17,7 @@ use crate::specifications::{self, level_curve, level_label, level_panel, pulse_p
 use resonarm::judge::{Document, Droop, Found, JudgeOptions, Judged, judge};
 use resonarm::specification::Test;
 use resonarm::specification::verdict::{
-    LevelVerdict, LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsLine, SrsVerdict,
+    LimitVerdict, RandomVerdict, ShockVerdict, SinePoint, SineVerdict, SrsLine, SrsVerdict,
 };
 use resonarm_figures::plot::{Color, Figure, Marker, Series};
 use resonarm_numeric::number::{rounded, short};
@@ -35,14 +35,6 @@ Examples:
 
 Exit codes: 0 in, 1 out or, unless --undecided pass is given, undecided; always 1 if no test begins in the record. docs/specifications.md describes how each kind of test \
 is judged.";
-
-/// Exit code of a verdict that the record does not decide.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Undecided {
-    Pass,
-    Fail,
-}
 
 /// Judges whether a recording meets a specification: in, out or undecided.
 ///
@@ -205,47 +197,6 @@ impl Verdict {
 
 /// Point that breaks a line.
 const GAP: ((f64, f64), bool) = ((f64::NAN, f64::NAN), false);
-
-pub(super) fn percent(share: f64) -> String {
-    format!("{} %", rounded(&(100.0 * share), 1))
-}
-
-pub(super) fn db(value: f64) -> String {
-    format!("{}{} dB", if value > 0.0 { "+" } else { "" }, rounded(&value, 2))
-}
-
-/// Returns what was measured of the level of a record, in words.
-pub(super) fn level_measured(level: &LevelVerdict) -> String {
-    let asked = level.asked_s.map_or_else(String::new, |asked_s| format!(" of {} s asked for", short(&asked_s)));
-    let (full_s, highest, from_s) = (rounded(&level.full_s, 1), db(level.highest_db), rounded(&level.highest_s, 1));
-    format!("{full_s} s at full level{asked}; highest rms over 2 s {highest}, from {from_s} s on")
-}
-
-/// Says why no test begins in a record; `None` if one does.
-pub(super) fn not_begun(document: &Document<'_>) -> Option<String> {
-    match document.found {
-        _ if document.begins_s.is_some() => None,
-        Found::NotBegun(found) => Some(found.reason.clone()),
-        Found::Random(_) => Some(String::from("no stretch is at full level")),
-        Found::Sine(_) | Found::Shock(_) | Found::Srs(_) => Some(String::from("no shot is at full level")),
-    }
-}
-
-/// Says where the test begins, or why nowhere.
-pub(super) fn begins_text(document: &Document<'_>) -> String {
-    match (document.begins_s.zip(document.begins_by), document.found) {
-        (Some((at_s, by)), found) => {
-            let left_out = match found {
-                Found::Sine(found) if found.left_out > 0 => {
-                    format!("; sweeps before it that were broken off or at low level: {}", found.left_out)
-                }
-                _ => String::new(),
-            };
-            format!("begin of the test: {} s, {}{left_out}", rounded(&at_s, 3), by.name())
-        }
-        (None, _) => format!("begin of the test: not found; {}", not_begun(document).unwrap_or_default()),
-    }
-}
 
 fn random_text(found: &RandomVerdict) -> String {
     let [inside, undecided, out] = found.counts;

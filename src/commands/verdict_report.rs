@@ -1,7 +1,7 @@
 //! The parts of a verdict, for JUnit XML and for the report as HTML.
 
 use super::spec::figure_of;
-use super::verdict::{Undecided, begins_text, db, level_measured, not_begun, percent};
+use super::verdict_words::{Undecided, begins_text, db, level_measured, not_begun, percent};
 use crate::failure::Failure;
 use crate::junit::{self, Outcome};
 use crate::page::{Page, Tone};

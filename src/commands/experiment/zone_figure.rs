@@ -3,8 +3,8 @@
 use super::fig9::{Run, ZoneDocument};
 use crate::computed_branch::CLIPPED;
 use crate::figures::branches::stretches;
-use crate::measured_points::{MeasuredPoint, size};
-use crate::read_at::displacement_unit;
+use crate::measured_points::MeasuredPoint;
+use crate::read_at::{displacement_unit, size};
 use resonarm::analysis::Reading;
 use resonarm::plant::ReadDof;
 use resonarm_figures::plot::{Axis, Color, Dash, Figure, Legend, Marker, Note, Panel, Series, Style, Subtitle};
