@@ -115,6 +115,15 @@ pub enum Abort {
         /// Relative change of the last one while it was read.
         drift: f64,
     },
+    /// The points so far predict no next periodic response: other modes move the driven point as much as this one.
+    #[error(
+        "the points found so far predict no response with a lag of {lag_deg:.1}\u{b0} at this load, where other modes move the driven point as much as \
+         this one; choose lags nearer to 90\u{b0} (`from_lag_deg` and `to_lag_deg` in `[control]`)"
+    )]
+    NotPredicted {
+        /// Lag that the next point should have, degrees.
+        lag_deg: f64,
+    },
     /// The next periodic response, predicted from the points so far, is out of reach.
     #[error(
         "the points found so far predict no response with a lag of {lag_deg:.1}\u{b0} at this load: its frequency would be {frequency_hz:.3} Hz and its amplitude {amplitude_m:.3} m, but a phase walk stays within a tenth of the mode's frequency; choose lags nearer to 90\u{b0} (`from_lag_deg` and `to_lag_deg` in `[control]`), or another load"

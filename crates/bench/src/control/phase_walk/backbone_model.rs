@@ -160,8 +160,9 @@ impl BackboneModel {
     /// Returns amplitude and angular frequency at which the displacement lags by `lag_rad` behind a load of
     /// amplitude `load`, by iteration from `near`. Without the other modes they are A = F sin φ/(κω) and ω² =
     /// ω₀² − κω cot φ/m. With them, U/a = F e^{iφ}/A gives D, and A Im D = F sin φ and Re D = Im D cot φ no
-    /// longer hold; but the factors A Im D/F and Re D/Im D hardly change with A.
-    pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> (f64, f64) {
+    /// longer hold; but the factors A Im D/F and Re D/Im D hardly change with A. `None` if the iteration leads to no such
+    /// response.
+    pub fn target(&self, lag_rad: f64, load: f64, near: (f64, f64)) -> Option<(f64, f64)> {
         const ITERATIONS: usize = 50;
         let (mut amplitude, mut omega) = near;
         // The factors A Im D/F and Re D/Im D start from their values without other modes.
@@ -171,15 +172,13 @@ impl BackboneModel {
             amplitude = load * sine / (damping * omega);
             let square = stiffness - damping * omega * cotangent / self.mass;
             if !(square > 0.0 && amplitude > 0.0 && amplitude.is_finite()) {
-                // No such response exists in the model. NaN fails the caller's band check, which ends the walk
-                // with a reason.
-                return (f64::NAN, f64::NAN);
+                return None;
             }
             omega = libm::sqrt(square);
             let own = self.own(unit(lag_rad) * (load / amplitude), omega);
             (sine, cotangent) = (amplitude * own.im / load, own.re / own.im);
         }
-        (amplitude, omega)
+        Some((amplitude, omega))
     }
 }
 
@@ -208,7 +207,7 @@ mod tests {
             backbone.add(a, omega, stiffness(a, omega), 1e-4);
         }
         for lag_deg in [20.0_f64, 45.0, 90.0, 150.0] {
-            let (a, omega) = backbone.target(lag_deg.to_radians(), 8.0, (0.02, w1));
+            let (a, omega) = backbone.target(lag_deg.to_radians(), 8.0, (0.02, w1)).unwrap();
             let d = stiffness(a, omega);
             let load = a * libm::hypot(d.re, d.im);
             let lag = libm::atan2(d.im, d.re).to_degrees();

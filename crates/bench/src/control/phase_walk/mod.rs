@@ -235,14 +235,19 @@ impl PhaseWalk {
         let near = (self.target.amplitude, self.target.omega_rad_s);
         let wanted = self.plan.wanted(self.point);
         let (amplitude, omega_rad_s) = match wanted {
-            Wanted::Lag(lag_rad, load) => self.backbone.target(lag_rad, load, near),
+            Wanted::Lag(lag_rad, load) => match self.backbone.target(lag_rad, load, near) {
+                Some(target) => target,
+                None => {
+                    self.stage = Stage::Done(Some(Abort::NotPredicted { lag_deg: lag_rad.to_degrees() }));
+                    return;
+                }
+            },
             Wanted::Amplitude(amplitude, omega_rad_s) => (amplitude, omega_rad_s),
         };
         let stiffness = match wanted {
             Wanted::Lag(lag_rad, load) => unit(lag_rad) * (load / amplitude),
             Wanted::Amplitude(..) => self.backbone.dynamic_stiffness(amplitude, omega_rad_s),
         };
-        // Written so that NaN, for a response that the model does not have, is out of band.
         let in_band = (omega_rad_s / self.model.mode.angular_frequency_rad_s - 1.0).abs() < BAND;
         if !(in_band && amplitude < LARGEST_AMPLITUDE) {
             let lag_deg = libm::atan2(stiffness.im, stiffness.re).to_degrees();

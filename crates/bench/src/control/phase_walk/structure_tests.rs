@@ -166,6 +166,17 @@ fn a_walk_on_a_chain_is_on_the_computed_branch() {
     on_the_branch(&chain(), ("tip.x", 2), 20.0, None);
 }
 
+/// Two modes half a hertz apart move the tip alike, so that no response of the first alone has a lag of 170°. Stated were a
+/// lag, a frequency and an amplitude of NaN, on a free plate with modes at 67.8 and 73.0 Hz.
+#[test]
+fn a_lag_that_two_modes_do_not_reach_is_named() {
+    let spec = PhaseWalkSpec { from_lag_deg: 170.0, to_lag_deg: 172.0, ..spec(Load::force_n(12.0, 0.0), 1) };
+    let tested = modal(&[20.0, 20.5]);
+    let mut walk = PhaseWalk::new(spec, Modelled::new(&tested, &rig(None)).unwrap(), SAMPLING, 600.0).unwrap();
+    let answer = walk.answer(&plant(&tested, None).measure());
+    assert_eq!(answer, Answer::Aborted(Abort::NotPredicted { lag_deg: 170.0 }));
+}
+
 /// The load that holds one displacement at every frequency is that of the branch.
 #[test]
 fn one_displacement_is_held() {
