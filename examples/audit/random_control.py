@@ -20,10 +20,15 @@ FRAME = 1000
 DATABASE = cantools.database.load_file(Path(__file__).with_name("bench.dbc"))
 DRIVE, MEAS, OPERATOR = (DATABASE.get_message_by_name(name) for name in ("Drive", "Meas", "Operator"))
 
-SILENCE_S, CHECK_S, RAMP_S, WAIT_S = 3, 8, 0.1, 10
+SILENCE_S = 3
+CHECK_S = 8
+RAMP_S = 0.1
+WAIT_S = 10
 CHECK_N = 1.0
 # The density is equalised every so many seconds, by this power of its error, and by 3 dB at most.
-EQUALISED_S, POWER, MOST = 4, 0.3, 10**0.3
+EQUALISED_S = 4
+POWER = 0.3
+MOST = 10**0.3
 
 
 class Stop(Exception):

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from controller import HeldSine
 
-AMPLITUDE_N, LIMIT_N = 10.0, 40.0
+AMPLITUDE_N = 10.0
+LIMIT_N = 40.0
 pytestmark = pytest.mark.scenario(Path(__file__).with_name("bench.toml"))
 
 

@@ -17,8 +17,10 @@ import cantools
 DATABASE = cantools.database.load_file(Path(__file__).with_name("bench.dbc"))
 DRIVE, MEAS, POSE = (DATABASE.get_message_by_name(name) for name in ("Drive", "Meas", "Pose"))
 # The data ids of AUTOSAR's profile 1.
-DRIVE_ID, MEAS_ID = 0x123, 0x124
-OPERATIONAL, FAULT = 2, 3
+DRIVE_ID = 0x123
+MEAS_ID = 0x124
+OPERATIONAL = 2
+FAULT = 3
 
 
 def crc8(data_id, payload):

@@ -13,9 +13,21 @@ import sys
 import can
 import resonarm
 
-RATE_HZ, FREQUENCY_HZ, AMPLITUDE_N, RAMP_S, LENGTH_S = 1000, 14.0, 20.0, 0.5, 3.0
-PRE_OPERATIONAL, FAULT = 127, 4
-ARM, DISARM, PLANT, SILENCE_S = 1, 2, 1, 30.0
+RATE_HZ = 1000
+FREQUENCY_HZ = 14.0
+AMPLITUDE_N = 20.0
+RAMP_S = 0.5
+LENGTH_S = 3.0
+
+# States of the plant in its heartbeat.
+PRE_OPERATIONAL = 127
+FAULT = 4
+# Requests of an operator, and the node that they are for.
+ARM = 1
+DISARM = 2
+PLANT = 1
+# Without a frame for so long, the plant has gone.
+SILENCE_S = 30.0
 
 
 def answer(sample: int, acceleration_m_s2: tuple[float, float]) -> tuple[float, float] | None:
