@@ -4,7 +4,7 @@ use super::reading::{NATIVE_CHANNELS, Reading};
 use super::readings::Readings;
 
 /// Readings of one sample, along x and y of the base frame. They belong to the motion in the middle of an
-/// earlier hold ([`Converter::delay_samples`]).
+/// earlier hold ([`Converter::delay_samples`](super::converter::Converter::delay_samples)).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measurement {
     /// Index of the sample.
