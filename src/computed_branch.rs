@@ -68,7 +68,8 @@ fn best_read(points: &[MeasuredPoint]) -> Option<&str> {
     };
     let dofs = points.first()?.readings.keys().map(String::as_str);
     dofs.max_by(|a, b| {
-        let ((clean_a, largest_a), (clean_b, largest_b)) = (rank(a), rank(b));
+        let (clean_a, largest_a) = rank(a);
+        let (clean_b, largest_b) = rank(b);
         clean_a.cmp(&clean_b).then(largest_a.total_cmp(&largest_b))
     })
 }
@@ -202,7 +203,8 @@ impl Score {
     /// States the score in a line.
     pub fn line(&self) -> String {
         let Score { at, settled_points, unstable_points, .. } = self;
-        let (frequency, amplitude) = (self.largest_frequency_deviation, self.largest_amplitude_deviation);
+        let frequency = self.largest_frequency_deviation;
+        let amplitude = self.largest_amplitude_deviation;
         format!(
             "{settled_points} settled points on the computed branch of {at} within {frequency:.1e} of the frequency and \
              {amplitude:.1e} of the amplitude, {unstable_points} of them where it is unstable\n"

@@ -78,7 +78,8 @@ pub(crate) fn state_names(assembly: &Assembly) -> Vec<ChannelName> {
 
 /// Returns the initial state of `--initial`, or that of the scenario, with elements at rest.
 pub(crate) fn initial(given: Option<&[f64]>, tested: &TestedAssembly) -> Result<Vec<f64>, Failure> {
-    let (initial, needed) = (given.unwrap_or(&tested.initial), 2 * tested.assembly.coordinates());
+    let initial = given.unwrap_or(&tested.initial);
+    let needed = 2 * tested.assembly.coordinates();
     if initial.len() != needed {
         let known = state_names(&tested.assembly).join(", ");
         return Err(Failure::usage(format!("--initial has {} numbers, expected {needed}: {known}", initial.len())));

@@ -90,7 +90,8 @@ fn defaults(command: &str) -> Result<Defaults, Failure> {
 
 /// Returns a scenario's values for the flags of an arm and a session.
 fn of_scenario(scenario: &Scenario) -> Defaults {
-    let (structure, simulation) = (&scenario.structure, &scenario.simulation);
+    let structure = &scenario.structure;
+    let simulation = &scenario.simulation;
     let angles: Vec<String> = structure.angles_deg.iter().map(|angle_deg| short(angle_deg).to_string()).collect();
     vec![
         ("preset", structure.preset.clone().unwrap_or_default()),
@@ -207,7 +208,8 @@ mod tests {
 
     /// Compares a command with a flag at its default to the command without the flag, both with the arguments `others`.
     fn compare(whole: &mut Command, path: &str, arg: &Arg, others: &str, default: &str, of_parser: bool) -> Compared {
-        let (id, flag) = (arg.get_id().as_str(), arg.get_long().unwrap());
+        let id = arg.get_id().as_str();
+        let flag = arg.get_long().unwrap();
         let others: Vec<String> = others.split_whitespace().map(str::to_owned).collect();
         let bare = read(whole, path, id, &others).unwrap_or_else(|error| panic!("{path} --{flag}: {error}"));
         if default.contains(' ') {
@@ -226,7 +228,9 @@ mod tests {
     /// values, are listed.
     #[test]
     fn every_default_in_the_help_is_the_commands() {
-        let (mut parser, mut values, mut words) = (whole(), 0, Vec::new());
+        let mut parser = whole();
+        let mut values = 0;
+        let mut words = Vec::new();
         for (path, command) in leaves(&whole(), "") {
             for arg in command.get_arguments().filter(|arg| arg.get_long().is_some()) {
                 let Some((default, of_parser)) = stated_default(arg) else { continue };

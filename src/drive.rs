@@ -57,7 +57,8 @@ fn harmonic_flag(text: &str) -> Result<HarmonicFlag, String> {
     let known = || format!("harmonic {order}: expected a whole number from 2 to {MOST_ORDER}");
     let order = order.parse().ok().filter(|order| (2..=MOST_ORDER).contains(order)).ok_or_else(known)?;
     let (amplitude, phase) = rest.split_once('@').unwrap_or((rest, "0"));
-    let (amplitude, phase_deg) = (numbers::finite(amplitude)?, numbers::finite(phase)?);
+    let amplitude = numbers::finite(amplitude)?;
+    let phase_deg = numbers::finite(phase)?;
     Ok(HarmonicFlag { order, amplitude: nonzero(amplitude)?, phase_deg })
 }
 

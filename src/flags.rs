@@ -241,7 +241,8 @@ fn turn(scenario: &mut Scenario, angles_deg: &[f64]) -> Result<(), Failure> {
         }
     };
     if angles.len() != angles_deg.len() {
-        let (got, expected) = (angles_deg.len(), angles.len());
+        let got = angles_deg.len();
+        let expected = angles.len();
         return Err(Failure::usage(format!("--angles-deg has {got} numbers, expected {expected}, one for each link")));
     }
     angles.iter_mut().zip(angles_deg).for_each(|(angle, given)| **angle = *given);
@@ -316,8 +317,10 @@ mod tests {
 
     #[test]
     fn takes_the_ends_in_the_unit_wanted_and_no_others() {
-        let (none, both) = ([None, None], [Some(20.0), Some(23.0)]);
-        let (hz, load) = (Some(Coordinate::FrequencyHz), Some(Coordinate::Amplitude));
+        let none = [None, None];
+        let both = [Some(20.0), Some(23.0)];
+        let hz = Some(Coordinate::FrequencyHz);
+        let load = Some(Coordinate::Amplitude);
         assert_eq!(interval("a sweep", hz, both, none).unwrap(), Some([20.0, 23.0]));
         assert_eq!(interval("a diagram", load, none, both).unwrap(), Some([20.0, 23.0]));
         assert_eq!(interval("a section", None, none, none).unwrap(), None);

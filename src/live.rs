@@ -219,7 +219,8 @@ mod serving {
     pub fn of_recording(flags: &LiveFlags, recording: Recording, showing: Showing) -> Result<Live, Failure> {
         let Showing { speed, times, wait } = showing;
         if !SPEEDS.contains(&speed) {
-            let (least, most) = (SPEEDS.start(), SPEEDS.end());
+            let least = SPEEDS.start();
+            let most = SPEEDS.end();
             return Err(Failure::value("--speed", speed, format!("with --live it must be from {least} to {most}")));
         }
         let scenario = Scenario::from_configuration(recording.configuration())?;

@@ -136,7 +136,8 @@ pub(crate) fn columns(points: &[MeasuredPoint], unit: &str) -> String {
     let mut text = format!("frequency_hz,lag_deg,excitation_{load}");
     // `readings` is a sorted map, so the cells of every point have the order of these columns.
     for (dof, reading) in points.iter().take(1).flat_map(|point| &point.readings) {
-        let (name, unit) = (dof.replace('.', "_"), reading.unit());
+        let name = dof.replace('.', "_");
+        let unit = reading.unit();
         text += &format!(",{name}_amplitude_{unit},{name}_phase_deg,{name}_clipped");
     }
     text + ",settled,tries"

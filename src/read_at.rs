@@ -87,7 +87,8 @@ pub(crate) fn readings(of: &[Reading], read: &[ReadAt]) -> Value {
 /// Returns the columns of readings in a table, a comma before each.
 pub(crate) fn columns(read: &[ReadAt]) -> String {
     let of = |at: &ReadAt| {
-        let (name, unit) = (at.column(), at.unit());
+        let name = at.column();
+        let unit = at.unit();
         format!(",{name}_largest_{unit},{name}_mean_{unit},{name}_amplitude_{unit},{name}_phase_deg")
     };
     read.iter().map(of).collect()

@@ -52,7 +52,9 @@ pub(crate) fn table(responses: &[ResponsePoint]) -> String {
         text.push_str("\n  frequency     head force   B            C            drift\n");
     }
     for point in responses {
-        let (hz, drift, remark) = (point.frequency_hz, point.drift, remark(point));
+        let hz = point.frequency_hz;
+        let drift = point.drift;
+        let remark = remark(point);
         let [head, b, c] = [point.head_force_n, point.acceleration_b_m_s2, point.acceleration_c_m_s2].map(magnitude);
         text += &format!("  {hz:9.5} Hz {head:8.3} N {b:8.2} m/s² {c:8.2} m/s² {drift:7.3} {remark}\n");
     }

@@ -182,7 +182,9 @@ pub(crate) fn report_text(report: &PlantReport) -> String {
         text += &format!("spinning     {spin}\n");
     }
     if let Some(pacing) = report.pacing {
-        let (speed, longest_s, end_s) = (pacing.speed, pacing.longest_lag_s, pacing.lag_s);
+        let speed = pacing.speed;
+        let longest_s = pacing.longest_lag_s;
+        let end_s = pacing.lag_s;
         text += &format!(
             "pacing       speed {speed}, at most {longest_s:.3} s behind the clock, {end_s:.3} s at the end\n"
         );
@@ -267,7 +269,8 @@ mod tests {
         let (_, events) = event_ring();
         let log = EventLog { events, json: false, bus: String::from("can0") };
         let fault = |code, name| Fault { code, name, detail: 2, sample: 300 };
-        let (ours, partner) = (fault(4, "partner fault"), fault(2, "sensor timeout"));
+        let ours = fault(4, "partner fault");
+        let partner = fault(2, "sensor timeout");
         let said = |event| log.words(&event).unwrap();
         insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: None }), @"fault 4 (partner fault) at sample 300");
         insta::assert_snapshot!(said(RunEvent::Faulted { fault: ours, partner: Some(partner) }), @"fault 4 (partner fault) at sample 300; the exciter reported: fault 2 (sensor timeout) at sample 300");

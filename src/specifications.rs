@@ -20,7 +20,8 @@ pub(crate) fn read(name: &Path) -> Result<Specification, Failure> {
     }
     match specification::read(name) {
         Err(specification::SpecificationFileError::Read { source, .. }) if !is_path(name) => {
-            let (name, presets) = (name.display(), PRESETS.map(|preset| preset.name).join(", "));
+            let name = name.display();
+            let presets = PRESETS.map(|preset| preset.name).join(", ");
             Err(Failure::usage(format!("{name} is neither a preset nor a file ({source}): the presets are {presets}")))
         }
         result => Ok(result?),

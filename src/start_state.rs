@@ -65,7 +65,8 @@ fn of_document(path: &Path, place: &str) -> Result<Vec<f64>, Failure> {
     let text = fs::read_to_string(path).map_err(|error| refused(format!("the file can't be read: {error}")))?;
     let document: Value =
         serde_json::from_str(&text).map_err(|error| refused(format!("the file is no JSON document: {error}")))?;
-    let (mut at, mut walked) = (&document, String::from("the document"));
+    let mut at = &document;
+    let mut walked = String::from("the document");
     // An empty place is the whole document, and a slash too many changes nothing.
     for step in place.split('/').filter(|step| !step.is_empty()) {
         let next = match at {
@@ -94,7 +95,8 @@ fn of_recording(path: &Path, time_s: f64, frequency_hz: f64) -> Result<Vec<f64>,
     let refused = |why: String| Failure::usage(format!("--from-state {}:{}: {why}", path.display(), short(&time_s)));
     let period_s = 1.0 / recording.scenario()?.simulation.rate_hz;
     // Two periods of the load: phase 0 is in the first, and another sample follows it.
-    let (first, count) = ((time_s / period_s).round(), (2.0 / (frequency_hz * period_s)).ceil());
+    let first = (time_s / period_s).round();
+    let count = (2.0 / (frequency_hz * period_s)).ceil();
     let mut records = Vec::new();
     for record in recording.states()? {
         let record = record?;
@@ -119,9 +121,14 @@ fn of_recording(path: &Path, time_s: f64, frequency_hz: f64) -> Result<Vec<f64>,
     let component = |part: usize| {
         let [mut ss, mut sc, mut cc, mut by_sine, mut by_cosine, mut square] = [0.0; 6];
         for (index, record) in records.iter().enumerate() {
-            let ((s, c), load) = (phase(index), record.load.parts()[part]);
-            (ss, sc, cc) = (ss + s * s, sc + s * c, cc + c * c);
-            (by_sine, by_cosine, square) = (by_sine + load * s, by_cosine + load * c, square + load * load);
+            let (s, c) = phase(index);
+            let load = record.load.parts()[part];
+            ss += s * s;
+            sc += s * c;
+            cc += c * c;
+            by_sine += load * s;
+            by_cosine += load * c;
+            square += load * load;
         }
         let determinant = ss * cc - sc * sc;
         let sine = (cc * by_sine - sc * by_cosine) / determinant;
@@ -139,7 +146,8 @@ fn of_recording(path: &Path, time_s: f64, frequency_hz: f64) -> Result<Vec<f64>,
     // Phase 0 where Ωt + φ is a multiple of 2π, half a sample later.
     let lead = libm::atan2(cosine, sine).rem_euclid(core::f64::consts::TAU);
     let place = (core::f64::consts::TAU - lead) / (omega * period_s) + 0.5;
-    let (before, share) = (place.floor() as usize, place.fract());
+    let before = place.floor() as usize;
+    let share = place.fract();
     // Phase 0 is in the first of two periods, so the limit matters only with fewer than two samples in one.
     let [from, to] = [before, before + 1].map(|index| records[index.min(records.len() - 1)].states.moving());
     Ok(from.iter().zip(to).map(|(from, to)| from + share * (to - from)).collect())

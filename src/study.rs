@@ -20,7 +20,8 @@ pub(crate) fn sweeps(
     configuration: &Value,
 ) -> Result<Option<SweepComputation>, Failure> {
     let begun = sweeps.begin(journal.as_deref().map(|path| (path, configuration)))?;
-    let (done, total) = (begun.done(), begun.total());
+    let done = begun.done();
+    let total = begun.total();
     let ended = watch(name, "points", [done, total], move |control| begun.compute_missing(control))?;
     if !ended.is_complete() {
         stopped("points", [ended.done(), total], ended.is_kept());
@@ -40,7 +41,9 @@ pub(crate) fn basins(
     configuration: &Value,
 ) -> Result<Option<Ended>, Failure> {
     let begun = basins.begin(journal.as_deref().map(|path| (path, configuration)))?;
-    let (done, total, read) = (begun.done(), begun.total(), read.to_vec());
+    let done = begun.done();
+    let total = begun.total();
+    let read = read.to_vec();
     let ended = watch("basins", "states", [done, total], move |control| {
         begun.compute_missing(control)?.settle_undecided(&read, control)
     })?;

@@ -69,7 +69,8 @@ impl Dbc {
         let name = if network.profile() == Profile::Classic { "resonarm.dbc" } else { "resonarm-fd.dbc" };
         match (text.split_once(AT_DEFAULTS), text.split_once(HASHED)) {
             (Some((before, after)), _) => {
-                let (base, plant) = (network.base(), network.node_id(Node::Plant));
+                let base = network.base();
+                let plant = network.node_id(Node::Plant);
                 let exciter = network.node_id(Node::Exciter);
                 write!(
                     f,

@@ -245,7 +245,8 @@ mod tests {
         let force = |force_x_n| Message::Force(ForceCommand { force_x_n, force_y_n: 0.0, sample: 0 });
         insta::assert_snapshot!(unsendable(force(700.0)), @"ForceCommand: force_x_n is 700, beyond the range of ±655.34; nothing was sent");
         insta::assert_snapshot!(unsendable(force(f64::NAN)), @"ForceCommand: force_x_n is NaN, which is not a finite number; nothing was sent");
-        let (x_saturated, y_saturated) = (false, false);
+        let x_saturated = false;
+        let y_saturated = false;
         let head = ImpedanceHead { force_x_n: 0.0, force_y_n: f64::INFINITY, x_saturated, y_saturated, sample: 0 };
         insta::assert_snapshot!(unsendable(Message::Head(head)), @"ImpedanceHead: force_y_n is inf, which is not a finite number; nothing was sent");
         let version = Version { major: 1, minor: 0 };

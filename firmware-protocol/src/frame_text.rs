@@ -56,7 +56,8 @@ impl FromStr for Frame {
             // Bit 0 is BRS and bit 1 ESI, as in linux/can.h. Others, like CANFD_FDF (4), say nothing that `##`
             // doesn't, and are ignored.
             let flags = rest.chars().next().and_then(|c| c.to_digit(16)).ok_or(FrameTextError::Flags)?;
-            let (bit_rate_switch, error_state_indicator) = (flags & 1 != 0, flags & 2 != 0);
+            let bit_rate_switch = flags & 1 != 0;
+            let error_state_indicator = flags & 2 != 0;
             (FrameFormat::Fd { bit_rate_switch, error_state_indicator }, &rest[1..])
         } else {
             return classical(id, rest);
@@ -99,7 +100,8 @@ fn identifier(text: &str) -> Option<Id> {
 
 /// The data frame with the data in `text`: pairs of digits, which dots may separate.
 fn with_data(id: Id, format: FrameFormat, text: &str) -> Result<Frame, FrameTextError> {
-    let (mut bytes, mut length) = ([0; 64], 0);
+    let mut bytes = [0; 64];
+    let mut length = 0;
     let mut digits = text.chars().filter(|c| *c != '.').map(|c| c.to_digit(16));
     while let Some(high) = digits.next() {
         let pair = high.zip(digits.next().flatten()).zip(bytes.get_mut(length));

@@ -17,7 +17,8 @@ impl fmt::Display for Header {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let network = self.0;
         let [plant_id, exciter_id] = Node::ALL.map(|node| network.node_id(node));
-        let (base, profile) = (network.base(), network.profile());
+        let base = network.base();
+        let profile = network.profile();
         writeln!(
             f,
             "/**\n * @file resonarm_config.h\n * @brief The numbers of the Resonarm protocol, and of the network with base \

@@ -281,7 +281,8 @@ mod tests {
 
     #[test]
     fn a_message_under_the_identifier_of_another_has_a_wrong_crc() {
-        let (content, network) = ([0, 3, 1, 4, 1, 5, 9, 2], Network::default());
+        let content = [0, 3, 1, 4, 1, 5, 9, 2];
+        let network = Network::default();
         let ids = || MessageKind::ALL.into_iter().filter_map(|kind| kind.data_id(network));
         let crcs: std::collections::BTreeSet<u8> = ids().map(|id| e2e::profile11::crc(id, &content)).collect();
         assert_eq!(crcs.len(), ids().count());

@@ -72,7 +72,8 @@ mod tests {
         let bits = |rate_hz| bits_per_second(streams(Profile::Fd, rate_hz, SamplesPerFrame::One), Stuffing::None);
         // ESI and DLC, data, stuff count with CRC, their fixed stuff bits, and the CRC delimiter: the bits at the
         // data bit rate.
-        let (command, sensors) = (5 + 128 + 21 + 6 + 1, 5 + 256 + 25 + 7 + 1);
+        let command = 5 + 128 + 21 + 6 + 1;
+        let sensors = 5 + 256 + 25 + 7 + 1;
         let once = Bits { nominal: 2 * 29 + 2 * 111 + 20 * 55, data: 2 * command };
         assert_eq!(bits(1000), Bits { nominal: 1000 * 2 * 29, data: 1000 * (command + sensors) }.plus(once));
     }
@@ -81,7 +82,8 @@ mod tests {
     fn two_samples_a_frame_halve_the_frames() {
         let bits = |rate_hz, samples| bits_per_second(streams(Profile::Fd, rate_hz, samples), Stuffing::None);
         let pair = 5 + 512 + 25 + 7 + 1;
-        let (one, two) = (bits(1000, SamplesPerFrame::One), bits(1000, SamplesPerFrame::Two));
+        let one = bits(1000, SamplesPerFrame::One);
+        let two = bits(1000, SamplesPerFrame::Two);
         assert_eq!(one.nominal - two.nominal, 1000 * 29);
         assert_eq!(bits(3000, SamplesPerFrame::Two).data - two.data, 1000 * (pair + 161));
     }

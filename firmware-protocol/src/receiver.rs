@@ -81,7 +81,8 @@ impl Receiver {
         let mut bytes = [0; 8];
         // `accept` has checked the length: all messages of Profile 11 have 8 bytes.
         bytes.copy_from_slice(data);
-        let (got, expected) = (bytes[0].into(), profile11::crc(data_id, &bytes).into());
+        let got = bytes[0].into();
+        let expected = profile11::crc(data_id, &bytes).into();
         if got != expected {
             return Err(DecodeError::Crc { kind, got, expected, protection });
         }
@@ -94,7 +95,8 @@ impl Receiver {
     /// Checks a CAN FD frame.
     fn profile5(&mut self, kind: MessageKind, data_id: u16, data: &[u8]) -> Result<(), DecodeError> {
         let protection = Protection::Profile5;
-        let (got, expected) = (u16::from_le_bytes([data[0], data[1]]), profile5::crc(data_id, data));
+        let got = u16::from_le_bytes([data[0], data[1]]);
+        let expected = profile5::crc(data_id, data);
         if got != expected {
             return Err(DecodeError::Crc { kind, got, expected, protection });
         }

@@ -43,7 +43,9 @@ pub fn ensemble<'py>(
     initial: &[u8],
     length: (u32, u32),
 ) -> PyResult<Bound<'py, PyByteArray>> {
-    let (forced, frequency_hz, (periods, every)) = (drive.forced(structure)?, drive.2, length);
+    let forced = drive.forced(structure)?;
+    let frequency_hz = drive.2;
+    let (periods, every) = length;
     let states = states(&forced, initial)?;
     // Refused before any thread begins.
     let map = || StroboscopicMap::new(&forced, frequency_hz);
@@ -74,7 +76,8 @@ fn followed(
     every: u32,
     stop: &dyn Fn() -> bool,
 ) -> Result<Vec<Vec<Vec<f64>>>, TimeDomainError> {
-    let (mut states, mut done) = (group.to_vec(), 0);
+    let mut states = group.to_vec();
+    let mut done = 0;
     let mut kept = vec![states.clone()];
     while done < periods && !stop() {
         let next = (done / every + 1).saturating_mul(every);
@@ -126,7 +129,8 @@ pub struct Attractors {
 impl Attractors {
     #[new]
     fn new(py: Python<'_>, structure: &Assembly, drive: Drive) -> PyResult<Attractors> {
-        let (forced, frequency_hz) = (drive.forced(structure)?, drive.2);
+        let forced = drive.forced(structure)?;
+        let frequency_hz = drive.2;
         let found = stoppable(py, |stop| stable_orbits(&forced, &driven(&forced), frequency_hz, stop))?;
         let (orbits, early) = found.map_err(errors::time_domain)?;
         let ended_early = early.map(|early| errors::printable(early.reason));
@@ -135,7 +139,8 @@ impl Attractors {
 
     /// These, and the stable periodic responses on which other states settle.
     fn with_those_of(&self, py: Python<'_>, initial: &[u8]) -> PyResult<Attractors> {
-        let (states, read) = (states(&self.forced, initial)?, driven(&self.forced));
+        let states = states(&self.forced, initial)?;
+        let read = driven(&self.forced);
         let further =
             stoppable(py, |stop| further_orbits(&self.forced, &read, self.frequency_hz, &self.orbits, &states, stop))?
                 .map_err(errors::time_domain)?;

@@ -91,7 +91,8 @@ pub fn trace_branch(
     settings: Settings,
     beyond: ((bool, bool), Option<(String, f64)>),
 ) -> PyResult<Traced> {
-    let ((parameter, start, stop), ((leaving, further), curves_in)) = (range, beyond);
+    let (parameter, start, stop) = range;
+    let ((leaving, further), curves_in) = beyond;
     let varied = coordinate("parameter", &parameter, structure)?;
     let second = |(name, to): (String, f64)| PyResult::Ok((coordinate("curves_in", &name, structure)?, to));
     let curves_in = curves_in.map(second).transpose()?;
@@ -101,7 +102,8 @@ pub fn trace_branch(
     search.sub_harmonics |= leaving;
     let wanted = OtherOptions { leaving, search: Some(search) };
     let asked = leaving || further;
-    let (forced, frequency_hz) = (drive.forced(structure)?, drive.2);
+    let forced = drive.forced(structure)?;
+    let frequency_hz = drive.2;
     let options = set(&settings, TraceOptions::new(&forced, varied, [start, stop], read));
     // The first reason why a branch or a curve ended early.
     let mut early = None;
@@ -243,7 +245,8 @@ fn push(rows: &mut Rows, orbit: &Orbit, state: &[f64], count: usize) {
 }
 
 fn curve_rows(py: Python<'_>, kind: &'static str, curve: &SingularCurve) -> PyResult<CurveRows> {
-    let (mut points, mut turns) = (Rows::default(), Rows::default());
+    let mut points = Rows::default();
+    let mut turns = Rows::default();
     let push = |rows: &mut Rows, point: &SingularPoint| {
         rows.numbers(&[point.lambda, point.mu]);
         point.orbit.readings.iter().for_each(|reading| rows.numbers(&reading.numbers()));

@@ -76,7 +76,8 @@ impl OwnParts {
                 return Err(errors::value(message));
             }
         };
-        let (count, most) = (initial.len(), 2 * of.most());
+        let count = initial.len();
+        let most = 2 * of.most();
         // Each coordinate comes with its rate, so the count is even.
         if count == 0 || !count.is_multiple_of(2) || count > most {
             let message =

@@ -77,7 +77,9 @@ impl Measurement {
     }
 
     fn __getnewargs__(&self) -> MeasurementParts {
-        let (head, b, c) = (self.head_force_n(), self.acceleration_b_m_s2(), self.acceleration_c_m_s2());
+        let head = self.head_force_n();
+        let b = self.acceleration_b_m_s2();
+        let c = self.acceleration_c_m_s2();
         (self.sample(), head, b, c, self.clipped(), self.named())
     }
 
@@ -127,8 +129,11 @@ impl Measurement {
     }
 
     fn __repr__(&self) -> String {
-        let (head, b, c) = (self.head_force_n(), self.acceleration_b_m_s2(), self.acceleration_c_m_s2());
-        let (sample, clipped) = (self.inner.sample, self.clipped());
+        let head = self.head_force_n();
+        let b = self.acceleration_b_m_s2();
+        let c = self.acceleration_c_m_s2();
+        let sample = self.inner.sample;
+        let clipped = self.clipped();
         let sensors = match self.names.is_empty() {
             true => String::new(),
             false => format!(", sensors={:?}", self.named()),
@@ -166,7 +171,8 @@ impl Plant {
     #[new]
     #[pyo3(signature = (scenario, structure = None))]
     fn new(scenario: &Scenario, structure: Option<OwnParts>) -> PyResult<Plant> {
-        let (scenario, raised) = (&scenario.inner, Raised::default());
+        let scenario = &scenario.inner;
+        let raised = Raised::default();
         let made = match structure {
             // An FMU does not show its equations, so the scenario makes its plant.
             None if scenario.is_fmu() => Ok(scenario.plant().map_err(errors::scenario)?),
@@ -209,7 +215,8 @@ impl Plant {
     /// All states there, by the names of their vectors.
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (all, states) = (PyDict::new(py), self.inner.states());
+        let all = PyDict::new(py);
+        let states = self.inner.states();
         // The states are one list; the channels say how many numbers of it each vector has.
         let mut rest = &states[..];
         for (name, components) in self.channels() {
@@ -263,7 +270,8 @@ impl Plant {
         force_n: &[u8],
         torque_nm: &[u8],
     ) -> PyResult<Bound<'py, PyByteArray>> {
-        let (forces_n, torques_nm) = (numbers(force_n), numbers(torque_nm));
+        let forces_n = numbers(force_n);
+        let torques_nm = numbers(torque_nm);
         let rows_of = forces_n.as_chunks::<3>().0.iter().zip(torques_nm.as_chunks::<MOST_JOINTS>().0);
         let loads: Vec<Load> = rows_of
             .map(|(force_n, torque_nm)| Load { torque_nm: (*torque_nm).into(), force_n: (*force_n).into() })

@@ -68,7 +68,8 @@ impl Network {
         let node_id = |name: &str, id: i64| {
             u8::try_from(id).map_err(|_| errors::value(format!("{name} is {id}: it must be from 1 to 127")))
         };
-        let (plant_id, exciter_id) = (node_id("plant_id", plant_id)?, node_id("exciter_id", exciter_id)?);
+        let plant_id = node_id("plant_id", plant_id)?;
+        let exciter_id = node_id("exciter_id", exciter_id)?;
         let network = protocol::Network::new(base).and_then(|network| network.with_node_ids(plant_id, exciter_id));
         Ok(Network { inner: network.map_err(errors::value)?.with_profile(profile) })
     }

@@ -176,7 +176,9 @@ impl Reader {
 impl Reader {
     /// The next rows, the names of events in them, and the number of rows.
     fn gather(&self, py: Python<'_>, most_rows: usize) -> PyResult<(Rows, Vec<String>, usize)> {
-        let (mut rows, mut names, mut count) = (Rows::default(), Vec::new(), 0);
+        let mut rows = Rows::default();
+        let mut names = Vec::new();
+        let mut count = 0;
         py.detach(|| {
             let mut records = self.records.lock().unwrap_or_else(PoisonError::into_inner);
             // The file is read without the lock of the interpreter, in which other threads of Python run.

@@ -107,7 +107,8 @@ impl RealTime {
             (Some("auto"), _) => options.thread = Some(whole),
             (Some("require"), _) => {
                 // What `auto` asks for, without which the run does not begin.
-                (options.thread, options.on_shortfall) = (Some(whole), OnShortfall::Refuse);
+                options.thread = Some(whole);
+                options.on_shortfall = OnShortfall::Refuse;
             }
             (Some(other), _) => {
                 return Err(errors::value(format!("rt is `{other}`: it must be one of auto, require, off")));
@@ -156,7 +157,8 @@ impl How {
             ..Options::default()
         };
         real_time.set(mode, &mut options)?;
-        let (raised, mut scenario) = (Raised::default(), scenario.inner.clone());
+        let raised = Raised::default();
+        let mut scenario = scenario.inner.clone();
         let session = match structure {
             // Each step of it takes the interpreter's lock and may wait for other threads, so no deadline can be
             // kept.
@@ -174,7 +176,8 @@ impl How {
         // An exception of the user's code is the cause, and the session's error only its consequence.
         let mut session = session.map_err(|error| taken(&raised).unwrap_or_else(|| errors::run(error)))?;
         if let Some((call, kind)) = controller {
-            let (kind, raised) = (load_kind(&kind)?, Arc::clone(&raised));
+            let kind = load_kind(&kind)?;
+            let raised = Arc::clone(&raised);
             session = session.with_controller(move || Box::new(PyController::new(&call, kind, &raised)));
         }
         Ok((session, raised))
@@ -199,7 +202,8 @@ struct ExciterDocument {
 impl From<&ExciterReport> for ExciterDocument {
     fn from(report: &ExciterReport) -> ExciterDocument {
         let ExciterReport { samples_played, missed_samples, slipped_periods, rearmed, bus, .. } = *report;
-        let (end, first_refused_frame) = (ExciterEnd::from(report), report.first_refused_frame.clone());
+        let end = ExciterEnd::from(report);
+        let first_refused_frame = report.first_refused_frame.clone();
         ExciterDocument { end, samples_played, missed_samples, slipped_periods, rearmed, bus, first_refused_frame }
     }
 }

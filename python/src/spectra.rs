@@ -138,7 +138,8 @@ pub fn shock_responses<'py>(
     frequency_hz: PyBackedBytes,
 ) -> PyResult<(Channels, Bound<'py, PyByteArray>)> {
     let (signals, found) = py.detach(|| {
-        let (signals, frequency_hz) = (read(recording, &wanted)?, numbers(&frequency_hz));
+        let signals = read(recording, &wanted)?;
+        let frequency_hz = numbers(&frequency_hz);
         let of = |values: &Vec<f64>| ShockResponse::estimate(signals.rate_hz, values, quality, &frequency_hz);
         let found = signals.values.iter().map(of).collect::<Result<Vec<_>, _>>().map_err(errors::value)?;
         Ok::<_, PyErr>((signals, found))

@@ -61,7 +61,9 @@ pub fn modes_of_matrices<'py>(
     modes: Option<usize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (mass, stiffness, damping) = matrices;
-    let (mass, stiffness, damping) = (numbers(&mass), numbers(&stiffness), damping.as_deref().map(numbers));
+    let mass = numbers(&mass);
+    let stiffness = numbers(&stiffness);
+    let damping = damping.as_deref().map(numbers);
     let matrices = Matrices { mass: &mass, stiffness: &stiffness, damping: damping.as_deref() };
     let section =
         py.detach(|| StructureSection::from_matrices(&matrices, &dofs, &base, modes)).map_err(errors::value)?;
@@ -195,7 +197,8 @@ impl Assembly {
         terms: (String, String, String),
     ) -> PyResult<Bound<'py, PyByteArray>> {
         let (drive, at, quantity) = terms;
-        let (drive, response) = (self.dof("drive", &drive)?, self.dof("at", &at)?);
+        let drive = self.dof("drive", &drive)?;
+        let response = self.dof("at", &at)?;
         let quantity: Quantity = quantity.parse().map_err(errors::value)?;
         let mut rows = Rows::default();
         py.detach(|| {
@@ -221,7 +224,8 @@ impl Assembly {
         stepping: (Option<String>, f64),
         length: (u64, u64),
     ) -> PyResult<(Bound<'py, PyByteArray>, u64)> {
-        let ((name, rate_hz), (steps, every)) = (stepping, length);
+        let (name, rate_hz) = stepping;
+        let (steps, every) = length;
         let mut motion = Motion::new(self, initial, drive, (scheme(name.as_deref())?, rate_hz))?;
         let mut rows = Rows::default();
         motion.push(&mut rows, 0.0);
@@ -261,7 +265,8 @@ impl Assembly {
 
     /// The state at the start: the one given, or the section's, or rest.
     fn start(&self, initial: Option<Vec<f64>>) -> PyResult<Vec<f64>> {
-        let (moving, elements) = (2 * self.inner.coordinates(), self.inner.element_states());
+        let moving = 2 * self.inner.coordinates();
+        let elements = self.inner.element_states();
         let mut start = match initial {
             Some(initial) => initial,
             None if self.section.initial.is_empty() => vec![0.0; moving],

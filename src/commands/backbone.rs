@@ -130,7 +130,8 @@ impl Backbone {
         };
         if let (Some(drive), true) = (&walk.drive, self.undamped) {
             let is_drawn = walk.amplitude.is_some() && self.output.plot.is_some();
-            let (at, but) = (drive.at(), if is_drawn { " but for the forced response" } else { "" });
+            let at = drive.at();
+            let but = if is_drawn { " but for the forced response" } else { "" };
             tracing::warn!("a free vibration has no excitation: the load at {at} changes nothing{but}");
         }
         let options = self.options(&forced, &walk)?;
@@ -357,7 +358,9 @@ fn reading_of(document: &Document, curve: &Curve, read: &[ReadAt]) -> String {
     let (Some(last), Some(at)) = (curve.points.last(), read.first()) else { return String::from("no points") };
     let shift_hz = document.frequency_shift_hz;
     let percent = 100.0 * (shift_hz / document.linear_frequency_hz);
-    let (name, unit, largest) = (&at.name, at.unit(), last.readings[0].largest);
+    let name = &at.name;
+    let unit = at.unit();
+    let largest = last.readings[0].largest;
     let bending = document.bending.unwrap_or("straight");
     let mut text = format!("{bending}: {shift_hz:+.6} Hz ({percent:+.4} %) at {name} {largest:.6e} {unit}");
     if let Some(curvature) = curve.curvature(0) {

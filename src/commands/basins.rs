@@ -218,7 +218,9 @@ impl Basins {
         let mut text = format!("{all} states: {}, {}\n", span(0), span(1));
         for (k, orbit) in orbits.iter().enumerate() {
             let period = if orbit.period == 1 { String::new() } else { format!(", {} periods", orbit.period) };
-            let (number, largest, reached) = (k + 1, words(&orbit.readings, read), document.cells.reaching(k));
+            let number = k + 1;
+            let largest = words(&orbit.readings, read);
+            let reached = document.cells.reaching(k);
             text +=
                 &format!("response {number}: largest {largest}{period}; reached by {reached} of these {all} states\n");
         }
@@ -236,7 +238,8 @@ impl Document {
         conditions: Subtitle,
     ) -> Figure {
         let labelled = |(k, orbit): (usize, &StableOrbit)| {
-            let (at, largest) = (&read[0], orbit.readings[0].largest);
+            let at = &read[0];
+            let largest = orbit.readings[0].largest;
             let period = if orbit.period == 1 { String::new() } else { format!(", {} periods", orbit.period) };
             format!("reaches response {}: {} to {largest:.2e} {}{period}", k + 1, at.name, at.unit())
         };
@@ -270,7 +273,8 @@ impl GridFlags {
         let ends = [0, 1].map(|axis| [from[axis], to[axis]]);
         match ends.iter().find(|[from, to]| !(from.is_finite() && to.is_finite() && from != to)) {
             Some([from, to]) => {
-                let (from, to) = (short(from), short(to));
+                let from = short(from);
+                let to = short(to);
                 Err(Failure::usage(format!("invalid grid from {from} to {to}: the ends must be two different numbers")))
             }
             None => Ok(StateGrid { coordinates, ends, counts: counts.map(|count| count as usize), others }),
@@ -325,7 +329,8 @@ impl Cells {
     fn csv(&self, [x, y]: [&str; 2]) -> String {
         let mut text = format!("{x},{y},outcome,motion,periods\n");
         for Cell { at: [x, y], orbit, periods, outcome } in &self.cells {
-            let (orbit, periods) = (or_empty(*orbit), or_empty(*periods));
+            let orbit = or_empty(*orbit);
+            let periods = or_empty(*periods);
             text += &format!("{x},{y},{outcome},{orbit},{periods}\n");
         }
         text

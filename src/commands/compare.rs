@@ -277,7 +277,8 @@ fn recorded_points(
 
 /// Names the preset and the angles that a document states, as `irb1600-fitted at 0°, 60°`.
 fn preset_name(structure: &Value) -> Option<String> {
-    let (preset, angles) = (structure["preset"].as_str()?, structure["angles_deg"].as_array()?);
+    let preset = structure["preset"].as_str()?;
+    let angles = structure["angles_deg"].as_array()?;
     let angles: Vec<String> = angles.iter().filter_map(Value::as_f64).map(captions::degrees).collect();
     Some(format!("{preset} at {}", angles.join(", ")))
 }
@@ -341,7 +342,8 @@ impl Document<'_> {
         for compared in &self.points {
             let Compared { point, frequency_deviation, amplitude_deviation, .. } = compared;
             let amplitude = point.amplitude(self.at).map_or(String::new(), |amplitude| format!("{amplitude:e}"));
-            let (phase, stable) = (or_empty(compared.phase_deviation_deg), or_empty(compared.computed_stable));
+            let phase = or_empty(compared.phase_deviation_deg);
+            let stable = or_empty(compared.computed_stable);
             text += &format!(
                 "{},{amplitude},{},{},{frequency_deviation},{amplitude_deviation},{phase},{stable}\n",
                 point.frequency_hz,

@@ -367,7 +367,8 @@ impl Continue {
             }
         }
         let curves = walk.second.map(|second| self.curves(&forced, &branch, walk, second, early)).transpose()?;
-        let (tolerance, left_out) = (options.branch.truncation, found.left_out);
+        let tolerance = options.branch.truncation;
+        let left_out = found.left_out;
         let searched = found.searched.unwrap_or_default();
         Ok(Found { branch, tolerance, others, left_out, searched, curves })
     }
@@ -386,7 +387,8 @@ impl Continue {
         along.branch = self.walk.options(along.branch)?;
         let largest_step = &mut along.branch.continuation.largest_step;
         *largest_step = largest_step.min(LARGEST_STEP);
-        let (coordinates, mut curves) = ([walk.coordinate, second], Vec::new());
+        let coordinates = [walk.coordinate, second];
+        let mut curves = Vec::new();
         for (kind, traced) in trace_singular_curves(forced, branch, coordinates, &along) {
             let curve = early.keep_any(&second.to_string(), traced, |curve| curve.points.len())?;
             curves.extend(curve.map(|curve| BifurcationCurve { kind, curve }));
@@ -420,7 +422,8 @@ impl Continue {
 
     /// Lists the bifurcations and peaks.
     fn text(&self, found: &Found, walk: &Walk, wall_s: f64) -> String {
-        let (branch, read) = (&found.branch, &walk.read);
+        let branch = &found.branch;
+        let read = &walk.read;
         let unit = unit(walk.coordinate, &walk.drive);
         let mut text = if self.no_stability {
             format!(
@@ -475,7 +478,8 @@ fn other_in_words((number, origin, branch): (usize, &Origin, &Branch), read: &[R
         text += &format!("  {}\n", bifurcation_in_words(found, read, unit));
     }
     for (orbit, ReadAt { name, .. }) in branch.peaks.iter().zip(read).filter(|_| is_detached) {
-        let (at, readings) = (rounded(&orbit.value, 7), words(&orbit.readings, read));
+        let at = rounded(&orbit.value, 7);
+        let readings = words(&orbit.readings, read);
         text += &format!("  largest response of {name} at {at} {unit}: {readings}\n");
     }
     text += match branch.end {
@@ -647,7 +651,8 @@ fn searched_text(searched: &Searched, found: usize, read: &[ReadAt], [load, vari
 
 /// Says where responses with the period of the load were searched.
 fn searched_in_words(searched: &Searched, found: usize, read: &[ReadAt], load: &str) -> String {
-    let (frequencies, starts) = (searched.frequencies_hz.len(), searched.starts);
+    let frequencies = searched.frequencies_hz.len();
+    let starts = searched.starts;
     let mut text = format!("responses were searched at {frequencies} frequencies with {starts} starts each");
     if let (Some(largest), Some(at)) = (searched.largest.first(), read.first()) {
         text += &format!(", up to {largest:.2e} {} at {}", at.unit(), at.name);

@@ -87,7 +87,8 @@ impl Demo {
         let mut scenario = self.scenario()?;
         let control = control(&mut scenario)?;
         // A scenario with both is rejected. The load of the excitation is already in the control.
-        (scenario.control, scenario.excitation) = (Some(control.clone()), None);
+        scenario.control = Some(control.clone());
+        scenario.excitation = None;
         // The run ends with the walk.
         scenario.simulation.duration_s = None;
         let inputs = Inputs::of_scenario(self.structure.scenario.as_deref());
@@ -131,7 +132,8 @@ impl Demo {
         control: &ControlSpec,
         BothReport { plant, exciter }: BothReport,
     ) -> Result<Verdict, Failure> {
-        let (tested, amplitude) = (scenario.under_test()?, control.amplitude());
+        let tested = scenario.under_test()?;
+        let amplitude = control.amplitude();
         let points = measured_points::points(&tested, &exciter.responses);
         let computed = Drive::of_exciter(amplitude, &tested)
             .map(|drive| ComputedBranch::new(&tested.assembly, &drive, &points, None))
@@ -172,7 +174,8 @@ fn control(scenario: &mut Scenario) -> Result<ControlSpec, Failure> {
 /// Describes the run that is about to start.
 fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: Speed) -> Result<String, Failure> {
     let tested = scenario.under_test()?;
-    let (modes, label) = (tested.assembly.modes(), captions::label(scenario, &tested));
+    let modes = tested.assembly.modes();
+    let label = captions::label(scenario, &tested);
     let first = modes.first();
     let (first_hz, damping_ratio) = first.map_or((f64::NAN, f64::NAN), |mode| (mode.frequency_hz, mode.damping_ratio));
     // Time constant of a decaying mode: its envelope is exp(−ζωt), so it is 1/(ζω), with ω = 2πf.
@@ -183,11 +186,14 @@ fn introduction(scenario: &Scenario, control: &ControlSpec, mode: Mode, speed: S
         (_, 0.0) => String::from("in lockstep, as fast as possible"),
         (_, times) => format!("in lockstep at {times} times the speed of the clock"),
     };
-    let (load, unit) = (control.amplitude(), control.amplitude().unit());
+    let load = control.amplitude();
+    let unit = control.amplitude().unit();
     let size = libm::hypot(load.force_n.norm(), load.torque_nm.norm());
     let law = match control {
         ControlSpec::PhaseWalk(walk) => {
-            let (points, from, to) = (walk.points, walk.from_lag_deg, walk.to_lag_deg);
+            let points = walk.points;
+            let from = walk.from_lag_deg;
+            let to = walk.to_lag_deg;
             format!("phase walk of {points} points at {size} {unit}, lags {from}° to {to}°")
         }
         ControlSpec::ForceControl(_) => format!("force control at {size} {unit}"),

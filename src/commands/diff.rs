@@ -54,7 +54,8 @@ impl Diff {
         if self.tolerance < 0.0 {
             return Err(Failure::value("--tolerance", self.tolerance, "it must be 0 or more"));
         }
-        let (a, b) = (Recording::open(&self.a)?, Recording::open(&self.b)?);
+        let a = Recording::open(&self.a)?;
+        let b = Recording::open(&self.b)?;
         [&a, &b].into_iter().for_each(warn_of_one);
         let samples = match (self.range.from_s, self.range.to_s) {
             (None, None) => 0..=u64::MAX,
@@ -116,8 +117,10 @@ fn part_text(part: &PartDifference) -> String {
         None => String::from("; all within the tolerance\n"),
     };
     for channel in channels {
-        let (largest, magnitude) = (short(&channel.largest), short(&channel.magnitude));
-        let (name, sample) = (channel.name, channel.sample);
+        let largest = short(&channel.largest);
+        let magnitude = short(&channel.magnitude);
+        let name = channel.name;
+        let sample = channel.sample;
         text += &format!("  {name}: at most {largest} apart, at sample {sample}; at most {magnitude} in A\n");
     }
     text

@@ -86,7 +86,8 @@ impl Frf {
         self.output.check(output::PLOTTED, &Inputs::of_scenario(self.structure.scenario.as_deref()))?;
         let scenario = self.structure.scenario()?;
         let tested = scenario.under_test()?;
-        let (assembly, linear) = (&tested.assembly, LinearResponse::new(&tested.assembly));
+        let assembly = &tested.assembly;
+        let linear = LinearResponse::new(&tested.assembly);
         let drive = self.drive(assembly)?;
         let frequency_hz = self.frequencies(assembly)?;
         let document = Document {
@@ -101,7 +102,8 @@ impl Frf {
         let is_still = document.responses.iter().all(|curve| curve.value.iter().all(|z| *z == [0.0; 2]));
         if is_still && self.output.plot.is_some() {
             let at: Vec<_> = document.responses.iter().map(|curve| curve.at.as_str()).collect();
-            let (drive, at) = (&drive.name, at.join(", "));
+            let drive = &drive.name;
+            let at = at.join(", ");
             return Err(Failure::usage(format!(
                 "there is nothing to plot: a load at {drive} causes no response at {at}; choose another place by --at"
             )));
@@ -124,7 +126,8 @@ impl Frf {
 
     /// Returns the frequencies of the flags, Hz; without a number of points they are denser at the natural frequencies.
     fn frequencies(&self, assembly: &Assembly) -> Result<Vec<f64>, Failure> {
-        let (from, to) = (self.from_hz, self.to_hz);
+        let from = self.from_hz;
+        let to = self.to_hz;
         if !(from >= 0.0 && to > from && to <= HIGHEST_HZ) {
             return Err(Failure::usage(format!(
                 "--from-hz {} --to-hz {}: the frequencies must rise, and be from 0 to {HIGHEST_HZ:e}",

@@ -454,7 +454,8 @@ impl Identify {
         survey: Option<SurveyIndex>,
         shapes: Option<Shapes>,
     ) -> Result<Document, Failure> {
-        let (opened, others) = (&levels[0].opened, &levels[1..]);
+        let opened = &levels[0].opened;
+        let others = &levels[1..];
         let records: Vec<&Record> = opened.iter().map(|of| &of.record).collect();
         let all: Vec<&Opened> = levels.iter().flat_map(|level| &level.opened).collect();
         let band = self.band(&all, survey.as_ref().and_then(SurveyIndex::band));
@@ -655,7 +656,8 @@ impl Document {
         let Opened { scenario, tested, recording, .. } = first;
         let (positions_m, lines) = drawing(first).as_ref().map(Drawing::named).unwrap_or_default();
         let of_run = |run: &Run| {
-            let (force, first_and_step_hz) = (run.force.clone(), first_and_step_hz(&run.frequency_hz));
+            let force = run.force.clone();
+            let first_and_step_hz = first_and_step_hz(&run.frequency_hz);
             let of_curve = move |curve: &ResponseCurve| FileResponse {
                 response: curve.at.clone(),
                 force: force.clone(),

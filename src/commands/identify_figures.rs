@@ -162,7 +162,8 @@ fn indicator_curve(curves: &[Curve<'_>], highest: f64) -> Vec<(f64, f64)> {
     let logarithm = |k: usize| libm::log10(alike().map(|curve| square(curve.measured[k])).sum());
     let logarithms: Vec<f64> = (0..first.frequency_hz.len()).map(logarithm).collect();
     let finite = || logarithms.iter().copied().filter(|value| value.is_finite());
-    let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+    let low = finite().fold(f64::INFINITY, f64::min);
+    let high = finite().fold(f64::NEG_INFINITY, f64::max);
     let part = |value: f64| INDICATOR_PART * highest * (value - low) / (high - low);
     let scaled = |value: f64| if value.is_finite() { part(value) } else { f64::NAN };
     first.frequency_hz.iter().zip(&logarithms).map(|(hz, value)| (*hz, scaled(*value))).collect()

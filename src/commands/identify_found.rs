@@ -229,7 +229,8 @@ impl Found {
         }
         let mut text = String::from("\n  noise of a sample         estimated   instrument\n");
         for noise in &self.noise {
-            let (name, estimated) = (noise_name(noise, has_several_runs), noise.estimated);
+            let name = noise_name(noise, has_several_runs);
+            let estimated = noise.estimated;
             let instrument = noise.instrument.map_or(String::from("–"), |known| format!("{known:.3e}"));
             text += &format!("  {name:<24}   {estimated:9.3e}   {instrument:>10}\n");
         }

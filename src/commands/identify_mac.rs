@@ -105,7 +105,8 @@ impl Shapes {
         let name = file.display();
         let document: OtherDocument = read_document(file)?;
         if let Some(mode) = document.modes.iter().find(|mode| mode.complex_shape.len() != document.at.len()) {
-            let (got, expected) = (mode.complex_shape.len(), document.at.len());
+            let got = mode.complex_shape.len();
+            let expected = document.at.len();
             return Err(Failure::usage(format!(
                 "{name} is not a document of `identify --json`: a shape has {got} components, expected {expected}"
             )));
@@ -144,7 +145,8 @@ impl Shapes {
         };
         let modes: Vec<NamedShape> = modes.map(named).collect();
         if modes.is_empty() {
-            let (from_hz, to_hz) = (short(&band.from_hz), short(&band.to_hz));
+            let from_hz = short(&band.from_hz);
+            let to_hz = short(&band.to_hz);
             return Err(Failure::usage(format!(
                 "--mac {COMPUTED}: the structure has no mode from {from_hz} to {to_hz} Hz: widen the band"
             )));
@@ -204,7 +206,8 @@ impl Assurance {
     pub fn text(&self) -> String {
         let room = |names: &[String]| names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
         // A value has five characters, as 0.123.
-        let (first, other) = (room(&self.rows), room(&self.columns).max(5));
+        let first = room(&self.rows);
+        let other = room(&self.columns).max(5);
         let columns: String = self.columns.iter().map(|name| format!("   {name:>other$}")).collect();
         let mut text = format!(
             "\n  modal assurance criterion with {}, over {}\n  {:first$}{columns}\n",

@@ -72,7 +72,8 @@ fn escaped(text: &str) -> String {
 }
 
 fn summary(document: &Document) -> String {
-    let (modes, runs) = (document.found.modes.len(), document.runs.len());
+    let modes = document.found.modes.len();
+    let runs = document.runs.len();
     let plural = |count: usize| if count == 1 { "" } else { "s" };
     let mut text = format!(
         "<p>{modes} mode{} from {} to {} Hz, fitted to {runs} recording{} by maximum likelihood, with common poles. A value is followed \
@@ -242,7 +243,8 @@ fn own_assurance(found: &Found) -> String {
 fn figure(figure: Figure, caption: &str) -> Result<String, Failure> {
     // The caption below it takes the place of the title.
     let figure = Figure { is_titled: false, ..figure };
-    let (svg, caption) = (figure.to_svg()?, escaped(caption));
+    let svg = figure.to_svg()?;
+    let caption = escaped(caption);
     Ok(format!("<figure class=\"wide\" tabindex=\"0\">\n{svg}<figcaption>{caption}</figcaption>\n</figure>\n"))
 }
 
@@ -256,7 +258,8 @@ fn responses(document: &Document) -> Result<String, Failure> {
         let is_driving = |(run, curve): &&(&Run, Curve<'_>)| curve.title.split(',').next() == Some(run.force.as_str());
         let driving = all.iter().filter(is_driving).map(|(_, curve)| curve);
         drawn = driving.take(MOST_DRAWN).collect();
-        let (shown, count) = (drawn.len(), all.len());
+        let shown = drawn.len();
+        let count = all.len();
         caption += &format!("{shown} of {count} responses, those where the force acts. identify --plot draws all. ");
     }
     // A driving point may have no accelerometer.
@@ -343,8 +346,11 @@ fn runs(document: &Document) -> String {
     let caption = "The recordings, with their seeds and lengths";
     let mut text = format!("<h2>Recordings</h2>\n{}", table(caption, &head, &["recording", "state"], rows));
     if let Some(plan) = document.survey.as_ref().and_then(|survey| survey.plan.as_ref()) {
-        let (excitation, seed) = (&plan.excitation, plan.seed);
-        let (from, to, rate) = (short(&plan.from_hz), short(&plan.to_hz), short(&plan.rate_hz));
+        let excitation = &plan.excitation;
+        let seed = plan.seed;
+        let from = short(&plan.from_hz);
+        let to = short(&plan.to_hz);
+        let rate = short(&plan.rate_hz);
         text += &format!("<p>Survey: {excitation}, {from} to {to} Hz, {rate} samples a second, seed {seed}.</p>\n");
     }
     text

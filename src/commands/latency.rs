@@ -144,7 +144,8 @@ impl Latency {
         scenario.simulation.rate_hz = rate_hz;
         scenario.simulation.duration_s = Some(self.turn_s);
         // A delayed controller must not disturb the plant's loop.
-        (scenario.network.command_timeout_s, scenario.network.partner_timeout_s) = (PATIENCE_S, PATIENCE_S);
+        scenario.network.command_timeout_s = PATIENCE_S;
+        scenario.network.partner_timeout_s = PATIENCE_S;
         let options = Options {
             record: self.record.clone().map(|path| RecordTo { path, existing }),
             spin: self.spin.spin,
@@ -183,7 +184,9 @@ impl Latency {
         match (bare.1.percentiles(), plant.wakeup_us, plant.exec_us) {
             (Some(percentiles), Some(wakeup), Some(execution)) => {
                 let Histograms { wakeup: late, exec } = plant.histograms;
-                let (overruns, spin, counted) = (plant.overruns, plant.spin, [Some(bare.1), late, exec]);
+                let overruns = plant.overruns;
+                let spin = plant.spin;
+                let counted = [Some(bare.1), late, exec];
                 Ok(Turn { bare: percentiles, plant: wakeup, execution, overruns, lost_records, spin, counted })
             }
             _ => Err(Failure::value(

@@ -155,7 +155,8 @@ impl Modes {
         let assembly = &tested.assembly;
         let parameter = assembly.parameter(name).map_err(|error| flags::refused("--over", &error))?;
         if from == to {
-            let (from, to) = (short(&from), short(&to));
+            let from = short(&from);
+            let to = short(&to);
             return Err(Failure::usage(format!("--from {from} --to {to}: the ends must be different")));
         }
         // There are at least two points.

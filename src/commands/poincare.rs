@@ -177,7 +177,8 @@ impl Poincare {
     fn plan(&self, tested: &TestedAssembly) -> Result<Plan, Failure> {
         let assembly = &tested.assembly;
         let RangeFlags { from_hz, to_hz, from, to } = self.range;
-        let (hz, other) = ([from_hz, to_hz], [from, to]);
+        let hz = [from_hz, to_hz];
+        let other = [from, to];
         let Some(name) = &self.parameter else {
             // Rejects an interval, through which nothing would be stepped.
             interval("a section without --parameter", None, hz, other)?;
@@ -275,7 +276,8 @@ impl Poincare {
             // The few points of a periodic orbit must be seen over its path; thousands of points of a chaotic one
             // must not merge.
             let size = if points.len() > 20 { 2.0 } else { 6.0 };
-            let (name, unit) = (&at.name, at.unit());
+            let name = &at.name;
+            let unit = at.unit();
             let [x, y] = [format!("{name} ({unit})"), format!("d{name}/dt ({unit}/s)")].map(Axis::linear);
             let panel = Panel::new(x, y).legend(if index == 0 { Legend::Bottom } else { Legend::None });
             let panel = panel.with_any(Series::line("response", Color::Grey, states.iter().map(plane).collect()));
@@ -349,7 +351,8 @@ impl Document {
         let varied = plan.over.to_string().replace('.', "_");
         let mut text = format!("direction,{varied},period,{}\n", names.join(","));
         for response in &self.responses {
-            let (direction, period) = (or_empty(response.direction.map(Direction::name)), or_empty(response.period));
+            let direction = or_empty(response.direction.map(Direction::name));
+            let period = or_empty(response.period);
             for state in &response.section {
                 text += &format!("{direction},{},{period}", response.value);
                 // The states of elements follow the rates. They have no channel, and therefore no column.

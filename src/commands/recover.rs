@@ -47,7 +47,9 @@ fn text(recovered: &Recovered) -> String {
     for missing in &recovered.missing_samples {
         line(format!("samples {} to {} are lost", missing.first, missing.last));
     }
-    let (messages, path, bytes) = (recovered.messages, recovered.path.display(), recovered.bytes);
+    let messages = recovered.messages;
+    let path = recovered.path.display();
+    let bytes = recovered.bytes;
     line(format!("{messages} messages recovered into {path}, {bytes} bytes"));
     text
 }

@@ -72,7 +72,8 @@ fn numbered(name: &str) -> (String, String) {
 
 /// Returns the row of channels that differ by their number.
 fn row(members: &[Channel]) -> Option<String> {
-    let (first, last) = (members.first()?, members.last()?);
+    let first = members.first()?;
+    let last = members.last()?;
     let bit = match first.kind {
         Kind::Reading { clip_bit } => clip_bit.to_string(),
         Kind::State | Kind::Load | Kind::Internal => String::new(),
@@ -80,7 +81,9 @@ fn row(members: &[Channel]) -> Option<String> {
     let from_to = |from: String, to: String| if members.len() > 1 { format!("{from} to {to}") } else { from };
     let name = from_to(format!("`{}`", first.name), format!("`{}`", last.name));
     let at = from_to(first.point.name().into_owned(), last.point.name().into_owned());
-    let (kind, unit, axis) = (first.kind.name(), first.quantity.unit(), first.axis.name());
+    let kind = first.kind.name();
+    let unit = first.quantity.unit();
+    let axis = first.axis.name();
     Some(format!("| {name} | {kind} | {unit} | {at} | {axis} | {bit} |\n"))
 }
 

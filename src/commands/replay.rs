@@ -151,7 +151,9 @@ impl Replay {
         let playback = self.playback(&recording)?;
         let played = on_bus(&address, move |bus, signals| play(&recording, bus, &SystemClock, &playback, signals))?;
         let text = || {
-            let (frames, length_s, late_ms) = (played.frames, played.recorded_s, played.latest_s * 1e3);
+            let frames = played.frames;
+            let length_s = played.recorded_s;
+            let late_ms = played.latest_s * 1e3;
             format!(
                 "{frames} frames of {length_s:.3} recorded seconds sent to {address}, the latest {late_ms:.3} ms late\n"
             )
@@ -166,7 +168,10 @@ impl Replay {
             (None, None) => None,
             _ => Some(export::samples(recording, *from_s, *to_s)?),
         };
-        let (direction, ids, mapped, times) = (*direction, id.clone(), map.clone(), *times);
+        let direction = *direction;
+        let ids = id.clone();
+        let mapped = map.clone();
+        let times = *times;
         Ok(Playback { speed: self.speed, direction, ids, mapped, samples, times })
     }
 

@@ -41,10 +41,13 @@ impl Resim {
             None => recording,
         };
         self.warn_of_fmu(&recording);
-        let (then, now) = (&recording.origin().build, build_info());
+        let then = &recording.origin().build;
+        let now = build_info();
         // A warning only: another compiler or target may still round alike, and the comparison itself will tell.
         if *then != now {
-            let (version, commit, target) = (&then.version, &then.git_commit, &then.target);
+            let version = &then.version;
+            let commit = &then.git_commit;
+            let target = &then.target;
             tracing::warn!("recorded by another build ({version} {commit} for {target}), so differences are possible");
         }
         let states = resimulate(&recording)?;

@@ -151,7 +151,8 @@ impl Simulate {
         // The product of two decimal fractions carries a rounding error of some 1e-16 of it. The tolerance is above
         // that up to 1e9 steps, and far below any fraction that is meant.
         if (exact - steps).abs() > 1e-6 {
-            let (got, nearest_s) = (steps_text(exact), steps / rate_hz);
+            let got = steps_text(exact);
+            let nearest_s = steps / rate_hz;
             let nearest = short(&nearest_s);
             return Err(Failure::usage(format!("{got}, not a whole number: choose {nearest}, or another rate")));
         }

@@ -140,7 +140,8 @@ fn of_identified(path: &Path) -> Result<Scenario, Failure> {
             )));
         };
         if shape.len() != at.len() {
-            let (got, expected) = (shape.len(), at.len());
+            let got = shape.len();
+            let expected = at.len();
             return Err(Failure::usage(format!(
                 "{name}, has {got} components, expected {expected}, one for each of `at`"
             )));

@@ -165,7 +165,8 @@ impl Survey {
             }
         }
         let survey = Arc::new(Recordings::begin(&self.out, plan, self.overwrite.overwrite)?);
-        let (kept, total) = (survey.complete(), survey.total());
+        let kept = survey.complete();
+        let total = survey.total();
         if kept > 0 {
             tracing::warn!("{}: {kept} of {total} recordings are there already, and are kept", self.out.display());
         }

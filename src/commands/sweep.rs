@@ -316,7 +316,8 @@ impl Document {
             }
             for Resonance { reading, frequency_hz, largest, width_hz } in same.iter().take(1).flat_map(|of| &of.missed)
             {
-                let (name, unit) = (&read[*reading].name, read[*reading].unit());
+                let name = &read[*reading].name;
+                let unit = read[*reading].unit();
                 text += &format!(
                     "  stepped over: the resonance of {name} at {frequency_hz:.6} Hz, {largest:.6e} {unit} in the forced \
                      response, is {width_hz:.6} Hz wide, less than a step; use more --points, or leave --points out\n"

@@ -127,7 +127,8 @@ impl Verdict {
         let is_full = judged.level.as_ref().is_some_and(|level| level.longest.is_some());
         let level = if is_full { ", at full level" } else { "" };
         let [from_s, to_s] = judged.range_s;
-        let (file, channels) = (self.file.display(), judged.channels.join(", "));
+        let file = self.file.display();
+        let channels = judged.channels.join(", ");
         format!("{file}: {channels} from {} to {} s{level}", rounded(&from_s, 3), rounded(&to_s, 3))
     }
 
@@ -251,7 +252,8 @@ fn random_text(found: &RandomVerdict) -> String {
 
 fn limits_text(limits: &[LimitVerdict]) -> String {
     let line = |limit: &LimitVerdict| {
-        let (channel, at) = (&limit.channel, rounded(&limit.largest_hz, 3));
+        let channel = &limit.channel;
+        let at = rounded(&limit.largest_hz, 3);
         format!("limit of {channel}: {}; largest {} at {at} Hz\n", limit.verdict.name(), db(limit.largest_db))
     };
     limits.iter().map(line).collect()
@@ -305,7 +307,9 @@ fn shock_text(found: &ShockVerdict) -> String {
             text += "below full level\n";
             continue;
         }
-        let (verdict, error, change) = (shot.verdict.name(), percent(shot.error), 100.0 * shot.velocity_change);
+        let verdict = shot.verdict.name();
+        let error = percent(shot.error);
+        let change = 100.0 * shot.velocity_change;
         text += &format!("{verdict}; error {error} of the peak, velocity change {change:+.1} %");
         if let Some(end) = shot.end_velocity {
             text += &format!(", end velocity {} of it", percent(end));
@@ -339,7 +343,8 @@ fn srs_text(found: &SrsVerdict) -> String {
 /// Draws the shots at full level over the pulse with its band.
 fn shock_figure(figure: Figure, test: &Test, found: &ShockVerdict, judged: &Judged) -> (Figure, String) {
     let Test::Shock(test) = test else { return (figure, String::new()) };
-    let (before_s, after_s) = (test.pre_s.unwrap_or(test.duration_s), test.post_s.unwrap_or(test.duration_s));
+    let before_s = test.pre_s.unwrap_or(test.duration_s);
+    let after_s = test.post_s.unwrap_or(test.duration_s);
     let mut shots = Vec::new();
     let mut columns = [("start_s", Vec::new()), ("time_s", Vec::new()), ("acceleration_m_s2", Vec::new())];
     for shot in found.shots.iter().filter(|shot| shot.is_full) {

@@ -58,7 +58,8 @@ fn parts(document: &Document<'_>) -> Vec<Part> {
             );
             parts.push(Part::new("profile", found.profile, measured));
             if let Some(verdict) = found.rms.verdict {
-                let (rms, demand) = (figure_of(found.rms.rms_m_s2), figure_of(found.rms.demand_m_s2));
+                let rms = figure_of(found.rms.rms_m_s2);
+                let demand = figure_of(found.rms.demand_m_s2);
                 parts.push(Part::new("rms", verdict, format!("{rms} m/s², specified {demand} m/s²")));
             }
             if found.is_too_short {
@@ -94,7 +95,8 @@ fn parts(document: &Document<'_>) -> Vec<Part> {
                 parts.push(Part::new("first shot", verdict, format!("{} of the full level", percent(first))));
             }
             for (shot, number) in found.shots.iter().filter(|shot| shot.is_full).zip(1..) {
-                let (error, change) = (percent(shot.error), percent(shot.velocity_change));
+                let error = percent(shot.error);
+                let change = percent(shot.velocity_change);
                 let measured = format!("error {error} of the peak, velocity change {change} off");
                 parts.push(Part::new(format!("shot {number}"), shot.verdict, measured));
             }

@@ -26,7 +26,9 @@ pub(super) fn db(value: f64) -> String {
 /// Returns what was measured of the level of a record, in words.
 pub(super) fn level_measured(level: &LevelVerdict) -> String {
     let asked = level.asked_s.map_or_else(String::new, |asked_s| format!(" of {} s asked for", short(&asked_s)));
-    let (full_s, highest, from_s) = (rounded(&level.full_s, 1), db(level.highest_db), rounded(&level.highest_s, 1));
+    let full_s = rounded(&level.full_s, 1);
+    let highest = db(level.highest_db);
+    let from_s = rounded(&level.highest_s, 1);
     format!("{full_s} s at full level{asked}; highest rms over 2 s {highest}, from {from_s} s on")
 }
 

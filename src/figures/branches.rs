@@ -136,7 +136,9 @@ fn other(series: Series, period: usize) -> Series {
 
 /// Splits a branch into runs of responses of one stability; neighbours share a response.
 pub(crate) fn stretches(branch: &Branch) -> Vec<(&[Orbit], Option<bool>)> {
-    let (orbits, mut runs, mut start) = (&branch.orbits, Vec::new(), 0);
+    let orbits = &branch.orbits;
+    let mut runs = Vec::new();
+    let mut start = 0;
     for end in 1..=orbits.len() {
         if end == orbits.len() || orbits[end].is_stable() != orbits[start].is_stable() {
             // One orbit of the next run is included, so that the drawn line has no gap where the stability changes.
@@ -164,7 +166,8 @@ pub(crate) fn table(coordinate: Coordinate, branches: &[&Branch], read: &[ReadAt
             let varied = parameter.as_ref().map_or(String::new(), |_name| format!(",{value}"));
             let largest = stability.as_ref().and_then(|of| of.multipliers.first());
             let largest = largest.map_or(String::new(), |mu| libm::hypot(mu.re, mu.im).to_string());
-            let (stability, kind) = (row.stability(), row.bifurcation.map_or("", BifurcationKind::name));
+            let stability = row.stability();
+            let kind = row.bifurcation.map_or("", BifurcationKind::name);
             text +=
                 &format!("{number}{varied},{frequency_hz},{drive},{largest},{stability},{kind}{}\n", cells(readings));
         }

@@ -51,7 +51,8 @@ fn called(
     varied: &[String],
     set: &dyn Fn(&[String]) -> String,
 ) -> String {
-    let (section, n) = (&scenario.structure, tested.assembly.coordinates());
+    let section = &scenario.structure;
+    let n = tested.assembly.coordinates();
     let plain = || match section.kind {
         StructureKind::Preset => section.preset.clone().unwrap_or_default(),
         StructureKind::Chain => format!("chain of {n} {}", if n == 1 { "link" } else { "links" }),

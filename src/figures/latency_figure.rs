@@ -103,7 +103,8 @@ mod tests {
 
     #[test]
     fn every_latency_is_in_a_bar_and_the_outline_starts_and_ends_on_the_base_line() {
-        let (mut one, mut other) = (LatencyHistogram::new().unwrap(), LatencyHistogram::new().unwrap());
+        let mut one = LatencyHistogram::new().unwrap();
+        let mut other = LatencyHistogram::new().unwrap();
         [10_000, 10_100, 20_000].iter().for_each(|ns| one.record(*ns));
         [10_050, 30, 30_000_000_000].iter().for_each(|ns| other.record(*ns));
         let bars = bars(&[&one, &other]);

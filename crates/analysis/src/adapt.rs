@@ -69,15 +69,20 @@ pub(super) fn adapt<S: Spectral>(
 ) -> Result<(), AnalysisError> {
     let [least, most] = [branch.least_harmonics, branch.most_harmonics].map(|harmonics| harmonics * system.period());
     loop {
-        let (z, lambda) = (&continuation.point().x, continuation.point().lambda);
+        let z = &continuation.point().x;
+        let lambda = continuation.point().lambda;
         if !system.evaluate_orbit(z, lambda) {
             return Ok(());
         }
-        let (series, balance) = (&z[system.others()..], system.balance());
-        let (size, m) = (branch.continuation.size(series), balance.unknowns.count());
+        let series = &z[system.others()..];
+        let balance = system.balance();
+        let size = branch.continuation.size(series);
+        let m = balance.unknowns.count();
         // The coefficients that dropping the last harmonic would take away: they count like the truncation error.
         let last = series[series.len() - 2 * m..].iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
-        let (error, allowed, harmonics) = (balance.truncation_error(), branch.truncation * size, system.harmonics());
+        let error = balance.truncation_error();
+        let allowed = branch.truncation * size;
+        let harmonics = system.harmonics();
         if error > allowed {
             if harmonics < most {
                 // More by an eighth and one: each change costs a solution, and single harmonics would take many at a

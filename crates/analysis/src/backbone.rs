@@ -132,7 +132,8 @@ impl Beginning {
     /// still between them, unless the excitation drives the other mode so much more that the mode responds to the
     /// dampers rather than to the excitation.
     fn new(forced: &Forced, mode: &StructureMode, weights: &[f64]) -> Option<Beginning> {
-        let (linear, direction) = (forced.assembly.linear(), forced.direction_at_rest());
+        let linear = forced.assembly.linear();
+        let direction = forced.direction_at_rest();
         let along = |weights: &[f64], of: &[f64]| -> f64 { weights.iter().zip(of).map(|(w, x)| w * x).sum() };
         let modal_force = along(&mode.shape, &direction);
         // A drive that does no work on the mode has no quadrature with it.
@@ -142,7 +143,8 @@ impl Beginning {
         // Without dampers the linear response at ω is infinite, and the mode itself is the direction: −φ cos Ωt is 90°
         // behind sin Ωt.
         if linear.damping.iter().all(|d| *d == 0.0) {
-            let (cosine, sine) = (mode.shape.iter().map(|x| -x).collect(), vec![0.0; mode.shape.len()]);
+            let cosine = mode.shape.iter().map(|x| -x).collect();
+            let sine = vec![0.0; mode.shape.len()];
             return Some(Beginning { frequency_hz: mode.frequency_hz, cosine, sine, drive: 0.0 });
         }
         let response = |rate_rad_s: f64| {
@@ -206,7 +208,8 @@ impl Reversible {
     fn new(m: usize, harmonics: usize, of_modes: bool) -> Reversible {
         // Constants, then of each harmonic the cosines before the sines.
         let cosines = (0..=harmonics).map(|k| (2 * k).saturating_sub(1) * m).flat_map(|first| first..first + m);
-        let (count, kept) = ((2 * harmonics + 1) * m, usize::from(of_modes));
+        let count = (2 * harmonics + 1) * m;
+        let kept = usize::from(of_modes);
         // All unknowns begin with the drive, and those of modes go on with c. The balance of c is the first row after
         // those of the harmonics.
         let unknowns = (1..1 + kept).chain(cosines.clone().map(|at| 1 + kept + at)).collect();
@@ -222,7 +225,8 @@ impl Reversible {
 
     /// Takes the residuals and the derivatives over from all of them.
     fn select(&self, residual: &mut [f64], matrix: &mut [f64]) {
-        let (stride, count) = (self.all.len() + 1, residual.len());
+        let stride = self.all.len() + 1;
+        let count = residual.len();
         residual.iter_mut().zip(&self.rows).for_each(|(residual, &row)| *residual = self.residual[row]);
         let columns = self.unknowns.iter().copied().chain([self.all.len()]);
         for (column, from) in matrix.chunks_exact_mut(count + 1).zip(columns) {
@@ -252,7 +256,8 @@ impl Quadrature {
 
     /// The row of phase quadrature of a chain: b₁ follows the constants and the cosines.
     fn chain_row(&self, z: &[f64], residual: &mut [f64], matrix: &mut [f64]) {
-        let (n, stride) = (self.balance.dimension(), z.len() + 1);
+        let n = self.balance.dimension();
+        let stride = z.len() + 1;
         let m = self.weights.len();
         residual[n] = 0.0;
         for (i, weight) in self.weights.iter().enumerate() {
@@ -264,9 +269,11 @@ impl Quadrature {
 
     /// The rows of the mode that is kept, over ω² and times its scale, and its column in the rows of the places.
     fn kept_rows(&self, z: &[f64], residual: &mut [f64], matrix: &mut [f64]) {
-        let (n, stride) = (self.balance.dimension(), z.len() + 1);
+        let n = self.balance.dimension();
+        let stride = z.len() + 1;
         let (Some(kept), Body::Condensed(condensed)) = (self.balance.kept, &self.balance.unknowns.body) else { return };
-        let ([omega, zeta], rate) = (condensed.modes[kept.mode], self.balance.omega_rad_s());
+        let [omega, zeta] = condensed.modes[kept.mode];
+        let rate = self.balance.omega_rad_s();
         let scale = self.kept_scale / (omega * omega);
         let last = z.len() * stride;
         let mut columns = vec![0.0; 2 * n];
@@ -309,7 +316,9 @@ impl System for Quadrature {
 impl Quadrature {
     /// Evaluates all equations at all unknowns.
     fn evaluate_all(&mut self, z: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
-        let (n, others, stride) = (self.balance.dimension(), self.before_series(), z.len() + 1);
+        let n = self.balance.dimension();
+        let others = self.before_series();
+        let stride = z.len() + 1;
         self.set(z);
         self.inner.resize((n + 1) * (n + 1), 0.0);
         if !self.balance.evaluate(&z[others..], lambda, &mut residual[..n], &mut self.inner) {
@@ -436,7 +445,8 @@ pub(super) fn free_motions(
     let mut motions = Vec::new();
     while adapt(&mut system, &mut continuation, &options.branch).is_ok() {
         let point = continuation.point();
-        let (frequency_hz, before) = (point.lambda, system.before_series());
+        let frequency_hz = point.lambda;
+        let before = system.before_series();
         let series = system.all(&point.x)[before..].to_vec();
         let is_last = norm(&series) > largest
             || options.branch.left_at(frequency_hz).is_some()
@@ -463,7 +473,8 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
         return Err(AnalysisError::LoadHarmonics);
     }
     check_small_amplitudes(assembly)?;
-    let (got, modes) = (options.mode, assembly.modes());
+    let got = options.mode;
+    let modes = assembly.modes();
     let mode = modes.get(got).ok_or(AnalysisError::NoMode { got: got + 1, most: modes.len() })?;
     if mode.frequency_hz == 0.0 || mode.damping_ratio >= 1.0 {
         return Err(AnalysisError::NoResonance { mode: got + 1, damping_ratio: mode.damping_ratio });
@@ -479,7 +490,8 @@ fn begin(forced: &Forced, options: &BackboneOptions) -> Result<(Quadrature, Star
         Beginning::new(forced, mode, &weights).ok_or(AnalysisError::NotDriven { mode: got + 1, at: place })?;
     let mut balance = Balance::new(forced, mode.frequency_hz, Coordinate::FrequencyHz, options.branch.least_harmonics);
     balance.unknowns.check_held(assembly)?;
-    let (mut kept_scale, mut drive_unit) = (0.0, 1.0 / unit_deflection(forced));
+    let mut kept_scale = 0.0;
+    let mut drive_unit = 1.0 / unit_deflection(forced);
     if let (BodySpec::Modal(_), Body::Condensed(condensed)) = (&assembly.spec().body, &balance.unknowns.body) {
         // The elements have no stiffness at rest: the modes are those given, in the order of their frequencies.
         let largest = |best: usize, i: usize| if mode.shape[i].abs() > mode.shape[best].abs() { i } else { best };
@@ -524,7 +536,8 @@ impl Quadrature {
     /// Returns the direction in which the branch leaves rest, and the size of the first response: a fraction of the
     /// limit that ends the branch, as if the structure were linear.
     fn start(&self, beginning: &Beginning, options: &BackboneOptions) -> Start {
-        let (n, others) = (self.balance.dimension(), self.others());
+        let n = self.balance.dimension();
+        let others = self.others();
         let mut tangent = vec![0.0; n + others];
         tangent[0] = beginning.drive / self.drive_unit;
         let m = self.balance.unknowns.count();
@@ -563,7 +576,8 @@ impl Quadrature {
     /// Returns the periodic response at a point.
     fn orbit(&mut self, point: &Point, read: &[Dof]) -> BackboneOrbit {
         // The number of harmonics may have changed since the point was solved for.
-        let (current, needed) = (self.balance.harmonics(), self.harmonics_of(&point.x));
+        let current = self.balance.harmonics();
+        let needed = self.harmonics_of(&point.x);
         if needed != current {
             self.set_harmonics(needed);
         }
@@ -591,7 +605,8 @@ fn energy_j(balance: &Balance) -> f64 {
     let assembly = balance.forced.assembly();
     let at_phase_zero = |coordinate: usize| {
         let series = balance.coordinate_series(coordinate);
-        let (cosines, sines) = (series.iter().skip(1).step_by(2), series.iter().skip(2).step_by(2));
+        let cosines = series.iter().skip(1).step_by(2);
+        let sines = series.iter().skip(2).step_by(2);
         let rates = sines.zip(1..).map(|(sine, k)| f64::from(k) * sine);
         (series[0] + cosines.sum::<f64>(), balance.omega_rad_s() * rates.sum::<f64>())
     };

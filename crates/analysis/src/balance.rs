@@ -331,7 +331,8 @@ impl Balance {
         // Derivatives need the orders up to 2H, the estimate of the truncation those up to 2H + 1.
         self.samples.set(2 * harmonics + 1, samples);
         self.compliances.resize(2 * harmonics + 1, Compliance::default());
-        let (m, period) = (self.unknowns.count(), self.period());
+        let m = self.unknowns.count();
+        let period = self.period();
         let scale = |row: usize| 1.0 / (self.scale * order_squared(row / m, period));
         self.row_scales = (0..m * (2 * harmonics + 1)).map(scale).collect();
     }
@@ -412,7 +413,9 @@ impl Balance {
     /// Evaluates the response X and the forces along it, unless it was the last one. The following methods use this
     /// response.
     pub fn evaluate_orbit(&mut self, x: &[f64]) {
-        let (frequency_hz, amplitude, known) = (self.frequency_hz, self.forced.amplitude, &mut self.evaluated);
+        let frequency_hz = self.frequency_hz;
+        let amplitude = self.forced.amplitude;
+        let known = &mut self.evaluated;
         // The choice of the number of harmonics and the readings of a point ask for the same response in turn.
         if known.is_known && known.x == x && known.frequency_hz == frequency_hz && known.amplitude == amplitude {
             return;
@@ -420,13 +423,17 @@ impl Balance {
         known.x.clear();
         known.x.extend_from_slice(x);
         known.truncation_error.set(None);
-        (known.is_known, known.frequency_hz, known.amplitude) = (true, frequency_hz, amplitude);
-        let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
+        known.is_known = true;
+        known.frequency_hz = frequency_hz;
+        known.amplitude = amplitude;
+        let m = self.unknowns.count();
+        let omega = self.omega_rad_s();
         self.samples.synthesise(x, &self.unknowns, omega);
         self.samples.evaluate(&self.forced, &self.unknowns, self.frequency_hz, Contacts::Located);
         self.load.clear();
         self.load.resize(x.len(), 0.0);
-        let (count, load) = (self.samples.count(), &mut self.load);
+        let count = self.samples.count();
+        let load = &mut self.load;
         for i in 0..m {
             let signal = &self.samples.load[i * count..(i + 1) * count];
             project(&self.samples, signal, self.harmonics, |row, value| load[row * m + i] = value);
@@ -459,13 +466,15 @@ impl Balance {
     /// Estimates how far a variation of the response last linearised, a null vector of the matrix or a part of it, is
     /// from one that includes the harmonics left out, in its own unit. States of elements are taken as held.
     pub fn variation_error(&self, variation: &[f64]) -> f64 {
-        let (m, count) = (self.unknowns.count(), self.samples.count());
+        let m = self.unknowns.count();
+        let count = self.samples.count();
         let mut moved = self.samples.clone();
         moved.synthesise(variation, &self.unknowns, self.omega_rad_s());
         let mut signals = vec![0.0; m * count];
         for (by, motion) in self.samples.by.iter().zip(&moved.motion) {
             for (pair, by) in by.chunks_exact(count).enumerate() {
-                let (i, k) = (pair / m, pair % m);
+                let i = pair / m;
+                let k = pair % m;
                 let signal = &mut signals[i * count..(i + 1) * count];
                 let moves = motion.iter().skip(k).step_by(m);
                 signal.iter_mut().zip(by).zip(moves).for_each(|((sum, by), moves)| *sum += by * moves);
@@ -487,7 +496,8 @@ impl Balance {
     fn missing(&self, signals: &[f64], jumps: &[(&Jump, f64)]) -> f64 {
         let mut compliance = Compliance::default();
         let missing = |k: usize| {
-            let (rate, mut load) = (k as f64 * self.omega_rad_s(), self.harmonic(signals, k));
+            let rate = k as f64 * self.omega_rad_s();
+            let mut load = self.harmonic(signals, k);
             for (jump, change) in jumps {
                 let (sine, cosine) = libm::sincos(k as f64 * jump.phase_rad);
                 jump.load.iter().for_each(|(i, part)| load[*i] += Complex::new(cosine, -sine) * part * *change);
@@ -508,8 +518,11 @@ impl Balance {
 
     /// Computes ∂Q̂/∂X with the states' part into `self.operator`, and ∂Q̂/∂(Ω/2π) at constant X.
     fn linearise(&mut self) {
-        let (m, omega, harmonics) = (self.unknowns.count(), self.omega_rad_s(), self.harmonics);
-        let (size, count) = (self.load.len(), self.samples.count());
+        let m = self.unknowns.count();
+        let omega = self.omega_rad_s();
+        let harmonics = self.harmonics;
+        let size = self.load.len();
+        let count = self.samples.count();
         let frictions = self.frictions();
         // The derivatives of elements and polynomials of modes are symmetric; those of a chain are not.
         let is_symmetric = matches!(self.unknowns.body, Body::Condensed(_));
@@ -517,7 +530,8 @@ impl Balance {
         operator(&self.samples, &self.by_state, [m, harmonics], omega, is_symmetric, &mut self.operator);
         self.by_frequency.clear();
         self.by_frequency.resize(size, 0.0);
-        let (mut signal, mut by_acceleration) = (vec![0.0; count], vec![0.0; count]);
+        let mut signal = vec![0.0; count];
+        let mut by_acceleration = vec![0.0; count];
         for i in 0..m {
             // At constant X, u̇ is in proportion to Ω and ü to Ω².
             for (d, sums) in [(1, &mut signal), (2, &mut by_acceleration)] {
@@ -548,7 +562,8 @@ impl Balance {
     fn frictions(&mut self) -> Vec<(usize, FrictionDerivative)> {
         self.by_state.iter_mut().for_each(Vec::clear);
         let Body::Condensed(condensed) = &self.unknowns.body else { return vec![] };
-        let (m, count) = (self.unknowns.count(), self.samples.count());
+        let m = self.unknowns.count();
+        let count = self.samples.count();
         let mut frictions = Vec::new();
         for (number, history) in self.samples.histories.iter().enumerate() {
             let Law::Friction { stiffness, .. } = self.forced.assembly.elements()[history.element].law else {
@@ -580,14 +595,18 @@ impl Balance {
             return;
         }
         self.samples.set_functions();
-        let (m, size, omega) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
-        let (rows, count) = (size / m, self.samples.count());
+        let m = self.unknowns.count();
+        let size = self.load.len();
+        let omega = self.omega_rad_s();
+        let rows = size / m;
+        let count = self.samples.count();
         let mut products = Products::new(size, size);
         for (number, derivative) in frictions {
             let element = self.samples.histories[*number].element;
             let Law::Friction { stiffness, .. } = self.forced.assembly.elements()[element].law else { continue };
             for Stretch { constant, weights: of_samples } in &derivative.stretches {
-                let (mut force, mut change) = (vec![0.0; rows], vec![0.0; rows]);
+                let mut force = vec![0.0; rows];
+                let mut change = vec![0.0; rows];
                 for &(j, part) in of_samples {
                     let scale = 2.0 * stiffness * part / count as f64;
                     force.iter_mut().zip(self.samples.functions(j, rows)).for_each(|(sum, f)| *sum += scale * f);
@@ -623,7 +642,9 @@ impl Balance {
         if self.samples.jumps.is_empty() {
             return;
         }
-        let (m, size, omega) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
+        let m = self.unknowns.count();
+        let size = self.load.len();
+        let omega = self.omega_rad_s();
         let mut products = Products::new(size, size);
         for Jump { phase_rad, load, change, by_frequency } in &self.samples.jumps {
             products.begin();
@@ -666,9 +687,13 @@ impl Balance {
         }
         self.samples.set_functions();
         self.samples.set_rates();
-        let (m, size) = (self.unknowns.count(), self.load.len());
-        let (rows, count) = (size / m, self.samples.count());
-        let (samples, operator, by_frequency) = (&self.samples, &mut self.operator, &mut self.by_frequency);
+        let m = self.unknowns.count();
+        let size = self.load.len();
+        let rows = size / m;
+        let count = self.samples.count();
+        let samples = &self.samples;
+        let operator = &mut self.operator;
+        let by_frequency = &mut self.by_frequency;
         for history in samples.histories.iter().filter(remains) {
             let element = &elements[history.element];
             // The displacement of a chain's element has a direction of its own at each sample; that of others is a sum of
@@ -680,7 +705,8 @@ impl Balance {
                     (0..m).filter(moves).map(|i| vec![(i, 1.0)]).collect()
                 }
             };
-            let (active, turns) = (spread.len(), matches!(self.unknowns.body, Body::Chain));
+            let active = spread.len();
+            let turns = matches!(self.unknowns.body, Body::Chain);
             let direction = |j: usize, i: usize| if turns { history.direction[j * m + spread[i][0].0] } else { 1.0 };
             if active == 0 {
                 continue;
@@ -695,7 +721,8 @@ impl Balance {
                     Law::Friction { stiffness, .. } => stiffness,
                     _ => element.force(history.position[j], history.velocity[j], history.state[j]).by_state,
                 };
-                let (functions, waiting) = (samples.functions(j, rows), products.waiting);
+                let functions = samples.functions(j, rows);
+                let waiting = products.waiting;
                 for (r, of_function) in products.weights.chunks_exact_mut(active).enumerate() {
                     let scale = by_state * functions[r] * if r == 0 { 1.0 } else { 2.0 } / count as f64;
                     for (i, weight) in of_function.iter_mut().enumerate() {
@@ -761,15 +788,18 @@ impl Balance {
 
     /// Writes the derivatives of the rows by Ω/2π, for the response last linearised.
     fn rows_by_frequency(&self, out: &mut [f64]) {
-        let (m, period) = (self.unknowns.count(), self.period());
+        let m = self.unknowns.count();
+        let period = self.period();
         if let Body::Chain = self.unknowns.body {
             let rows = self.by_frequency.iter().zip(&self.row_scales);
             out.iter_mut().zip(rows).for_each(|(out, (by, scale))| *out = by * scale);
             return;
         }
         for k in 0..=self.harmonics {
-            let (compliance, by_rate) = (&self.compliances[k], TAU * k as f64 / period as f64);
-            let (rows, driven) = (Pair::of(k, m), self.driven(k));
+            let compliance = &self.compliances[k];
+            let by_rate = TAU * k as f64 / period as f64;
+            let rows = Pair::of(k, m);
+            let driven = self.driven(k);
             for i in 0..m {
                 let mut slope = [0.0; 2];
                 for j in 0..m {
@@ -824,7 +854,8 @@ impl Balance {
         matrix: &mut [f64],
         stride: usize,
     ) {
-        let (size, columns) = (x.len(), x.len()..);
+        let size = x.len();
+        let columns = x.len()..;
         // Differences by a parameter evaluate other structures. They come first, so that the samples end at this
         // response.
         for (column, coordinate) in columns.clone().zip(coordinates) {
@@ -867,8 +898,10 @@ impl Balance {
             return;
         };
         for k in 0..=self.harmonics {
-            let (compliance, kept) = (&self.compliances[k], self.kept.filter(|_| k == 1));
-            let (rows, driven) = (Pair::of(k, m), self.driven(k));
+            let compliance = &self.compliances[k];
+            let kept = self.kept.filter(|_| k == 1);
+            let rows = Pair::of(k, m);
+            let driven = self.driven(k);
             for i in 0..m {
                 let mut value = rows.at(x, i);
                 // H₁ leaves out the kept mode, which moves the place by φ c cos Ωt.
@@ -888,7 +921,8 @@ impl Balance {
 
     /// Writes ∂R/∂X of the response last linearised.
     fn rows(&self, matrix: &mut [f64], stride: usize) {
-        let (m, size) = (self.unknowns.count(), self.load.len());
+        let m = self.unknowns.count();
+        let size = self.load.len();
         let columns = || self.operator.chunks_exact(size);
         let Body::Condensed(condensed) = &self.unknowns.body else {
             for (out, operator) in matrix.chunks_mut(stride).zip(columns()) {
@@ -900,7 +934,8 @@ impl Balance {
         for (column, (out, operator)) in matrix.chunks_mut(stride).zip(columns()).enumerate() {
             let coupled = &condensed.coupled[column % m];
             for k in 0..=self.harmonics {
-                let (compliance, rows) = (&self.compliances[k], Pair::of(k, m));
+                let compliance = &self.compliances[k];
+                let rows = Pair::of(k, m);
                 for i in 0..m {
                     let mut value = [0.0; 2];
                     let own = [i];
@@ -923,7 +958,9 @@ impl Balance {
     /// (ω² − Ω²) c + Σ φ Q_c = 0,     −2ζωΩ c − φ_d p + Σ φ Q_s = 0
     /// ```
     pub fn kept_rows(&self, mut row: impl FnMut(usize, f64, f64), mut by: impl FnMut(usize, usize, f64)) {
-        let (m, size, rate) = (self.unknowns.count(), self.load.len(), self.omega_rad_s());
+        let m = self.unknowns.count();
+        let size = self.load.len();
+        let rate = self.omega_rad_s();
         let (Some(kept), Body::Condensed(condensed)) = (self.kept, &self.unknowns.body) else { return };
         let [omega, zeta] = condensed.modes[kept.mode];
         let own = [
@@ -944,7 +981,8 @@ impl Balance {
 
     /// Returns the displacement at a degree of freedom, as a series, for the response last evaluated.
     pub fn displacement(&self, dof: Dof) -> Vec<f64> {
-        let (m, count) = (self.unknowns.count(), self.samples.count());
+        let m = self.unknowns.count();
+        let count = self.samples.count();
         match &self.unknowns.body {
             Body::Chain => {
                 let at = |j: usize| self.forced.assembly.displacement(dof, &self.samples.motion[0][j * m..(j + 1) * m]);
@@ -956,7 +994,8 @@ impl Balance {
 
     /// Returns a coordinate of the structure, as a series, for the response last evaluated.
     pub fn coordinate_series(&self, coordinate: usize) -> Vec<f64> {
-        let (m, count) = (self.unknowns.count(), self.samples.count());
+        let m = self.unknowns.count();
+        let count = self.samples.count();
         match &self.unknowns.body {
             Body::Chain => {
                 let at = |j: usize| self.samples.motion[0][j * m + coordinate];
@@ -979,7 +1018,8 @@ impl Balance {
 
     /// Returns the series of a displacement Σ `direction` q of modes.
     fn along(&self, condensed: &Condensed, direction: &[f64]) -> Vec<f64> {
-        let (m, omega) = (self.unknowns.count(), self.omega_rad_s());
+        let m = self.unknowns.count();
+        let omega = self.omega_rad_s();
         let mut series = Vec::with_capacity(2 * self.harmonics + 1);
         for k in 0..=self.harmonics {
             let load = |i: usize| match k {

@@ -34,7 +34,8 @@ impl Bending {
 
     /// Returns how a curve with these frequencies bends; `None` if they don't change.
     pub(crate) fn of(frequencies_hz: impl Iterator<Item = f64>) -> Option<Bending> {
-        let (mut rises, mut before) = (Vec::new(), None::<f64>);
+        let mut rises = Vec::new();
+        let mut before = None::<f64>;
         for hz in frequencies_hz {
             let change = before.map_or(0.0, |before| hz / before - 1.0);
             if change.abs() > STILL {
@@ -70,7 +71,8 @@ pub(crate) fn curvature(points: &[(f64, f64)]) -> Option<f64> {
     let third = third.get(beyond(30.0, third)).unwrap_or(last);
     let [(s1, f1), (s2, f2), (s3, f3)] = [*first, between[second], *third];
     // Newton's form: f = f1 + d12 (s − s1) + d123 (s − s1)(s − s2).
-    let (d12, d23) = ((f2 - f1) / (s2 - s1), (f3 - f2) / (s3 - s2));
+    let d12 = (f2 - f1) / (s2 - s1);
+    let d23 = (f3 - f2) / (s3 - s2);
     let slope = d12 - (d23 - d12) / (s3 - s1) * (s1 + s2);
     slope.is_finite().then_some(slope)
 }

@@ -39,7 +39,8 @@ pub(super) fn both_ways(
     balance.set_harmonics(at.harmonics);
     // The ends of the whole are named from where it begins now.
     let (from, to) = if half.end == BranchEnd::AtEnd { (branch.to, branch.from) } else { (branch.from, branch.to) };
-    let (settings, x) = (branch.continuation, &at.coefficients);
+    let settings = branch.continuation;
+    let x = &at.coefficients;
     let begin = match (half.end, last.checked_sub(1).and_then(|before| half.orbits.get(before))) {
         (BranchEnd::AtStart | BranchEnd::AtEnd, _) => {
             Continuation::start(&mut balance, settings, x, at.value, to - from).map(Some)

@@ -61,11 +61,13 @@ pub fn trace(
 /// Checks that both ends, and the frequency, are numbers at which the system exists.
 pub(super) fn check(balance: &mut Balance, options: &TraceOptions) -> Result<(), AnalysisError> {
     balance.unknowns.check_held(balance.forced.assembly())?;
-    let (order, most) = (balance.forced.highest_order(), options.branch.most_harmonics);
+    let order = balance.forced.highest_order();
+    let most = options.branch.most_harmonics;
     if order > most {
         return Err(AnalysisError::LoadOrder { order, most });
     }
-    let (from, to) = (options.branch.from, options.branch.to);
+    let from = options.branch.from;
+    let to = options.branch.to;
     let known = balance.coordinate == Coordinate::FrequencyHz
         || (balance.frequency_hz.is_finite() && balance.frequency_hz > 0.0);
     let exists = from != to && balance.set_value(to) && balance.set_value(from);
@@ -136,7 +138,8 @@ impl<'a> Tracer<'a> {
     fn follow(&mut self, walk: &mut Walk) -> Result<BranchEnd, AnalysisError> {
         let branch = &self.options.branch;
         adapt(&mut self.balance, &mut walk.continuation, branch)?;
-        let (mut older, mut before) = (None, walk.point().clone());
+        let mut older = None;
+        let mut before = walk.point().clone();
         let first = before.clone();
         self.push(&before);
         loop {
@@ -203,10 +206,12 @@ impl<'a> Tracer<'a> {
     /// periods, or has the symmetry that the branch has lost, has jumped as well: it has left a branch that meets such
     /// responses at a bifurcation and turns back there.
     fn step(&mut self, walk: &mut Walk, before: &Point) -> Result<(), AnalysisError> {
-        let (branch, assembly) = (&self.options.branch, &self.balance.forced.assembly);
+        let branch = &self.options.branch;
+        let assembly = &self.balance.forced.assembly;
         let smooth = assembly.is_smooth();
         let has_corners = assembly.elements().iter().any(|element| element.law.has_state());
-        let (start, harmonics) = (walk.clone(), self.balance.harmonics());
+        let start = walk.clone();
+        let harmonics = self.balance.harmonics();
         for _ in 0..MOST_HALVINGS {
             walk.advance(&mut self.balance, &branch.continuation)?;
             adapt(&mut self.balance, &mut walk.continuation, branch)?;
@@ -245,7 +250,8 @@ impl<'a> Tracer<'a> {
     /// Says whether a response repeats after fewer periods of the drive than its branch: whether, for a prime divisor p of
     /// these, next to nothing of it is in harmonics that are no multiples of p.
     fn is_shorter(&self, response: &Point) -> bool {
-        let (m, period) = (self.balance.unknowns.count(), self.balance.period());
+        let m = self.balance.unknowns.count();
+        let period = self.balance.period();
         let is_prime = |p: usize| (2..p).all(|divisor| !p.is_multiple_of(divisor));
         let rows = || response.x.chunks_exact(m).enumerate();
         (2..=period).filter(|p| period.is_multiple_of(*p) && is_prime(*p)).any(|p| {
@@ -263,7 +269,8 @@ impl<'a> Tracer<'a> {
 
     /// Evaluates the response at a point, with the harmonics of the point, and reads it.
     pub fn at<T>(&mut self, point: &Point, read: impl FnOnce(&mut Self) -> T) -> T {
-        let (current, needed) = (self.balance.harmonics(), point.x.len() / self.balance.unknowns.count() / 2);
+        let current = self.balance.harmonics();
+        let needed = point.x.len() / self.balance.unknowns.count() / 2;
         if current != needed {
             self.balance.set_harmonics(needed);
         }
@@ -340,6 +347,7 @@ pub(super) fn reading(balance: &Balance, dof: Dof) -> Reading {
 
 /// Returns the reading of a series.
 pub(super) fn reading_of(balance: &Balance, series: &[f64]) -> Reading {
-    let (largest, drive) = (largest(&balance.samples, series), 2 * balance.period());
+    let largest = largest(&balance.samples, series);
+    let drive = 2 * balance.period();
     Reading { largest, mean: series[0], harmonic1: Complex::new(series[drive], series[drive - 1]) }
 }

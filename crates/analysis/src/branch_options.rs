@@ -62,7 +62,8 @@ impl BranchOptions {
 
     /// Returns the end of the interval beyond which a value lies, if any.
     pub(crate) fn left_at(&self, value: f64) -> Option<f64> {
-        let (low, high) = (self.from.min(self.to), self.from.max(self.to));
+        let low = self.from.min(self.to);
+        let high = self.from.max(self.to);
         if value < low {
             Some(low)
         } else if value > high {

@@ -130,7 +130,8 @@ impl Acting {
         step_s: f64,
         fft: Option<&Fft>,
     ) {
-        let (count, spacing_rad) = (position.len(), TAU / position.len() as f64);
+        let count = position.len();
+        let spacing_rad = TAU / position.len() as f64;
         let depth = |j: usize| [part.sign * position[j] - part.gap, part.sign * velocity[j]];
         let omega_rad_s = spacing_rad / step_s;
         self.instants.clear();
@@ -159,7 +160,8 @@ impl Acting {
                 let begins = met == [true; 2];
                 if begins != acted {
                     let [_, slope] = part.value(condition, motion(*phase_rad), omega_rad_s);
-                    let (phase_rad, jumps) = (*phase_rad, condition.jumps);
+                    let phase_rad = *phase_rad;
+                    let jumps = condition.jumps;
                     self.instants.push(Instant { phase_rad, begins, jumps, condition: *condition, slope });
                 }
             }
@@ -231,10 +233,13 @@ impl Condition {
     /// Says whether E keeps its sign between two samples, which have δ and δ̇, on the cubic H of Hermite: with D = δ₁ − δ₀,
     /// V = h δ̇ and s from 0 to 1, H = δ₀ + V₀ s + (3D − 2V₀ − V₁) s² + (V₀ + V₁ − 2D) s³ and E = α H + τ/h H′ + β.
     fn stays(&self, [start, end]: [[f64; 2]; 2], step_s: f64) -> bool {
-        let (rate, [v0, v1], change) =
-            (self.by_rate_s / step_s, [start[1], end[1]].map(|v| v * step_s), end[0] - start[0]);
-        let (square, cube) = (3.0 * change - 2.0 * v0 - v1, v0 + v1 - 2.0 * change);
-        let (first, linear) = (self.at(start), self.by_depth * v0 + 2.0 * rate * square);
+        let rate = self.by_rate_s / step_s;
+        let [v0, v1] = [start[1], end[1]].map(|v| v * step_s);
+        let change = end[0] - start[0];
+        let square = 3.0 * change - 2.0 * v0 - v1;
+        let cube = v0 + v1 - 2.0 * change;
+        let first = self.at(start);
+        let linear = self.by_depth * v0 + 2.0 * rate * square;
         let quadratic = self.by_depth * square + 3.0 * rate * cube;
         // A cubic lies between its coefficients of Bernstein.
         let inner = [first + linear / 3.0, first + (2.0 * linear + quadratic) / 3.0, self.at(end)];
@@ -323,7 +328,8 @@ mod tests {
             }
         };
         for (j, weight) in acting.weights.iter().enumerate() {
-            let (by_amplitude, weight) = (position[j] + LAG_S * velocity[j], 2.0 / COUNT as f64 * weight);
+            let by_amplitude = position[j] + LAG_S * velocity[j];
+            let weight = 2.0 / COUNT as f64 * weight;
             add(&mut sums[..ORDERS], angle(j), weight * (by_amplitude - GAP));
             add(&mut sums[ORDERS..], angle(j), weight * by_amplitude / amplitude);
         }

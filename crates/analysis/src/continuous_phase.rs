@@ -78,7 +78,8 @@ mod tests {
                 let read = arm.dof(response).unwrap();
                 let at = |hz: f64| linear.at(Quantity::Receptance, drive, read, hz).ok();
                 let phase = continuous_phase(&hz, &natural_hz, &at);
-                let (first, last) = (phase[0].1, phase[phase.len() - 1].1);
+                let first = phase[0].1;
+                let last = phase[phase.len() - 1].1;
                 assert!((last - first - expected_deg).abs() < 1.0, "{response:?}, {points}: {first} {last}");
                 for (hz, deg) in phase {
                     let value = at(hz).unwrap();

@@ -211,7 +211,8 @@ impl CrossingEquations {
             to[..n].copy_from_slice(from);
         }
         for ((to, first), second) in matrix.chunks_exact_mut(stride).zip(&self.rows[0]).zip(&self.rows[1]) {
-            (to[n], to[n + 1]) = (*first, *second);
+            to[n] = *first;
+            to[n + 1] = *second;
         }
         if self.bordered.factor().is_err() {
             return [f64::NAN; 2];
@@ -236,7 +237,8 @@ impl CrossingEquations {
     /// Returns −∂gⱼ over (λ, X), which is ψᵀ dA φⱼ, at the response last differentiated; `None` if a structure beside it
     /// does not exist.
     fn along(&mut self, z: &[f64], j: usize) -> Option<Vec<f64>> {
-        let (lambda, x) = (z[0], &z[2..]);
+        let lambda = z[0];
+        let x = &z[2..];
         let n = x.len();
         let phi = self.kernel[j].clone();
         let step = DIFFERENCE * self.settings.size(x) / norm(&phi);
@@ -319,7 +321,8 @@ impl System for CrossingEquations {
     }
 
     fn evaluate(&mut self, z: &[f64], _parameter: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
-        let (n, stride) = (z.len() - 2, z.len() + 1);
+        let n = z.len() - 2;
+        let stride = z.len() + 1;
         let Some((g, by)) = self.linearise(z) else { return false };
         let here = &self.matrices[0];
         matrix[..n].copy_from_slice(&here[n * n..]);

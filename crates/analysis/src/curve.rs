@@ -117,10 +117,12 @@ fn begin(
         other => return Err(AnalysisError::NotSingular { kind: other.name() }),
     };
     let x = &bifurcation.orbit.coefficients;
-    let (to, domain) = (options.branch.to, "the range of the second coordinate");
+    let to = options.branch.to;
+    let domain = "the range of the second coordinate";
     let refused = |from: f64, unit: &'static str| AnalysisError::Interval { from, to, unit, domain };
     let mut balance = Balance::at_orbit(forced, lambda, &bifurcation.orbit).ok_or_else(|| refused(f64::NAN, ""))?;
-    let (from, unit) = (balance.value(mu), balance.unit_of(mu));
+    let from = balance.value(mu);
+    let unit = balance.unit_of(mu);
     // The far end is tried first, so that the balance is left at the near one.
     let exists = from.is_finite() && to.is_finite() && from != to && balance.set(mu, to);
     if !(exists && balance.set(mu, from)) {
@@ -147,7 +149,8 @@ fn follow(
     loop {
         adapt(singular, continuation, branch)?;
         curve.points.push(singular_point(singular, continuation.point(), options));
-        let (before, points) = (continuation.point().clone(), curve.points.len());
+        let before = continuation.point().clone();
+        let points = curve.points.len();
         if points >= branch.most_points {
             return Err(AnalysisError::TooManyPoints { points, at: singular.place(before.lambda) });
         }
@@ -190,7 +193,8 @@ fn turn(
     options: &TraceOptions,
     ends: [&Point; 2],
 ) -> Result<(bool, SingularPoint), AnalysisError> {
-    let (n, settings) = (singular.dimension(), &options.branch.continuation);
+    let n = singular.dimension();
+    let settings = &options.branch.continuation;
     let mut slices = Slices::new(n, settings, ends, Cut::Chord);
     // Solved again in the planes of the search: the tangents at the ends then have the sign of those between them.
     let solved = [slices.solve(singular, ends, 0.0)?, slices.solve(singular, ends, 1.0)?];

@@ -75,7 +75,8 @@ impl Lu {
     /// Subtracts the products of a panel's columns of L from the columns to its right. Each element has them subtracted in
     /// the order of the columns, as if they came one by one: the factors don't depend on the width of a panel.
     fn subtract_panel(&mut self, first: usize, width: usize) {
-        let (n, rows) = (self.n, self.n - first);
+        let n = self.n;
+        let rows = self.n - first;
         let (left, right) = self.a.split_at_mut((first + width) * n);
         let exchanges = &self.pivots[first..];
         self.panel.clear();
@@ -191,7 +192,8 @@ impl Task for SubtractPanel<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let (count, rows) = (self.target.len(), self.target.len() + PANEL);
+        let count = self.target.len();
+        let rows = self.target.len() + PANEL;
         let column = |k: usize| &self.panel[k * rows + PANEL..][..count];
         let columns: [&[f64]; PANEL] = core::array::from_fn(column);
         for (i, target) in self.target.iter_mut().enumerate() {
@@ -222,7 +224,8 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     // Four independent sums keep the processor's adders busy. Their order is fixed, so the result is the same on every
     // machine.
     let mut sums = [0.0; 4];
-    let (heads, others) = (a.chunks_exact(4), b.chunks_exact(4));
+    let heads = a.chunks_exact(4);
+    let others = b.chunks_exact(4);
     let rest: f64 = heads.remainder().iter().zip(others.remainder()).map(|(a, b)| a * b).sum();
     for (a, b) in heads.zip(others) {
         for lane in 0..4 {

@@ -210,7 +210,8 @@ impl Searcher<'_> {
             let n = a.x.len().max(b.x.len()).max(response.x.len());
             let mut slices = Slices::new(n, settings, [&a, &b], Cut::Chord);
             let fraction = slices.fraction([&a, &b], response);
-            let (reach, between) = (slices.distance(&a, &b), slices.mix([&a, &b], fraction));
+            let reach = slices.distance(&a, &b);
+            let between = slices.mix([&a, &b], fraction);
             if !(0.0..=1.0).contains(&fraction) || slices.distance(&between, response) > reach {
                 return false;
             }

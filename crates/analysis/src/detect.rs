@@ -248,7 +248,8 @@ impl Tracer<'_> {
     fn meet(&mut self, ends: [&Point; 2]) {
         let Some(lost) = self.lost.as_ref() else { return };
         let along = |point: &Point| along(lost, &point.x);
-        let (values, slopes) = (ends.map(along), ends.map(|end| end.tangent.last().copied().unwrap_or(0.0)));
+        let values = ends.map(along);
+        let slopes = ends.map(|end| end.tangent.last().copied().unwrap_or(0.0));
         if !(crosses(values) && crosses(slopes)) {
             return;
         }
@@ -284,7 +285,8 @@ impl Tracer<'_> {
             let Ok(point) = slices.solve_beside(&mut self.balance, ends, fraction) else { return };
             let new = sign * test(&mut self.floquet, &mut self.balance, kind, &point, point.determinant);
             if new < 0.0 {
-                let (before, after) = (points[half].clone(), points[half + 1].clone());
+                let before = points[half].clone();
+                let after = points[half + 1].clone();
                 self.find(kind, [&before, &point], [sign * f[half], sign * new], marginal);
                 return self.find(kind, [&point, &after], [sign * new, sign * f[half + 1]], marginal);
             }
@@ -293,9 +295,11 @@ impl Tracer<'_> {
             if new < f[1] {
                 points.swap(outer, 1);
                 f.swap(outer, 1);
-                (points[1], f[1]) = (point, new);
+                points[1] = point;
+                f[1] = new;
             } else {
-                (points[outer], f[outer]) = (point, new);
+                points[outer] = point;
+                f[outer] = new;
             }
         }
     }
@@ -356,12 +360,14 @@ impl Tracer<'_> {
             let conjugates = multipliers.iter().filter(|mu| mu.im > REAL);
             // The pair is the one nearest to where it was before: others may be as near to the circle.
             mu = *conjugates.min_by(|a, b| (*a - mu).norm_sqr().total_cmp(&(*b - mu).norm_sqr()))?;
-            let (moved, new) = (next - at, mu.norm_sqr() - 1.0);
+            let moved = next - at;
+            let new = mu.norm_sqr() - 1.0;
             if moved.abs() < LAST_SECANT || new.abs() < CIRCLE {
                 return (0.0..=1.0).contains(&next).then_some(found);
             }
             let slope = (new - off) / moved;
-            (at, off) = (next, new);
+            at = next;
+            off = new;
             next = at - off / slope;
             if !next.is_finite() {
                 return None;
@@ -380,7 +386,8 @@ impl Tracer<'_> {
     /// Returns the period doubling near a point that the multipliers have led to, by its extended system; `None` if that
     /// leads elsewhere, or the forces aren't smooth.
     fn doubling(&self, ends: [&Point; 2], point: &Point) -> Option<Point> {
-        let (settings, mut balance) = (&self.options.branch.continuation, self.balance.clone());
+        let settings = &self.options.branch.continuation;
+        let mut balance = self.balance.clone();
         balance.set_harmonics((point.x.len() / balance.unknowns.count() - 1) / 2);
         if !(balance.forced.assembly().is_smooth() && balance.set_value(point.lambda)) {
             return None;
@@ -404,7 +411,8 @@ impl Tracer<'_> {
     /// Returns the branch point between two points at which the determinant has these values, of opposite signs; `None`
     /// if the branch has none there, or the determinant jumps.
     fn crossing(&mut self, ends: [&Point; 2], values: [f64; 2]) -> Result<Option<Crossed>, AnalysisError> {
-        let (settings, smooth) = (self.options.branch.continuation, self.balance.forced.assembly().is_smooth());
+        let settings = self.options.branch.continuation;
+        let smooth = self.balance.forced.assembly().is_smooth();
         if let Some(near) = self.locate(BranchPoint, ends, values, BESIDE)? {
             match self.crossing_near(ends, &near) {
                 Ok(Some((found, turns_back))) => {
@@ -449,9 +457,11 @@ impl Tracer<'_> {
         values: [f64; 2],
         tolerance: f64,
     ) -> Result<Option<Point>, AnalysisError> {
-        let (floquet, reference) = (&mut self.floquet, ends[0].determinant);
+        let floquet = &mut self.floquet;
+        let reference = ends[0].determinant;
         let test = |balance: &mut Balance, point: &Point| test(floquet, balance, kind, point, reference);
-        let (settings, smooth) = (&self.options.branch.continuation, self.balance.forced.assembly().is_smooth());
+        let settings = &self.options.branch.continuation;
+        let smooth = self.balance.forced.assembly().is_smooth();
         match search(&mut self.balance, settings, ends, values, tolerance, test) {
             Ok(point) => Ok(Some(point)),
             // At a corner of a branch the determinant and the multipliers may jump.
@@ -496,7 +506,8 @@ impl Tracer<'_> {
         // The points may have different numbers of harmonics: the most of them describes all three.
         let needed = points.iter().map(|point| point.x.len()).max()? / self.balance.unknowns.count() / 2;
         self.balance.set_harmonics(needed);
-        let (dof, mut found) = (self.options.read[reading], false);
+        let dof = self.options.read[reading];
+        let mut found = false;
         let span = points[2].arclength - points[0].arclength;
         for _ in 0..PEAK.0 {
             let s = [0, 1, 2].map(|i| points[i].arclength);
@@ -517,9 +528,12 @@ impl Tracer<'_> {
             if size > sizes[1] {
                 points.swap(outer, 1);
                 sizes.swap(outer, 1);
-                (points[1], sizes[1], found) = (point, size, true);
+                points[1] = point;
+                sizes[1] = size;
+                found = true;
             } else {
-                (points[outer], sizes[outer]) = (point, size);
+                points[outer] = point;
+                sizes[outer] = size;
             }
         }
         self.balance.set_harmonics(harmonics);

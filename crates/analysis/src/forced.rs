@@ -100,7 +100,8 @@ impl Forced {
     /// such mode, [`AnalysisError::NotDriven`] if it moves none of the structure's points.
     pub fn free(assembly: &Assembly, mode: usize) -> Result<Forced, AnalysisError> {
         let assembly = undamped(assembly)?;
-        let (got, modes) = (mode + 1, assembly.modes());
+        let got = mode + 1;
+        let modes = assembly.modes();
         let mode = modes.get(mode).ok_or(AnalysisError::NoMode { got, most: modes.len() })?;
         let dofs = assembly.dof_names().into_iter().filter_map(|name| assembly.dof(&name).ok());
         // Displacements count from the base, which none of them moves.
@@ -257,7 +258,8 @@ impl fmt::Display for Coordinate {
 /// Returns the generalised forces of a unit load at rest.
 pub(super) fn load_at_rest(assembly: &Assembly, dof: Dof) -> Vec<f64> {
     let n = assembly.coordinates();
-    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+    let rest = vec![0.0; n];
+    let mut direction = vec![0.0; n];
     assembly.at(&rest).load_direction(dof, &mut direction);
     direction
 }

@@ -67,7 +67,8 @@ impl Basis {
         for i in known.max(1)..self.harmonics {
             for (j, (s, c)) in self.turns.iter().enumerate() {
                 let before = (i - 1) * points + j;
-                let (x, y) = (self.cosines[before], self.sines[before]);
+                let x = self.cosines[before];
+                let y = self.sines[before];
                 self.cosines.push(x * c - y * s);
                 self.sines.push(y * c + x * s);
             }
@@ -116,10 +117,13 @@ impl Task for Project<'_> {
 /// Returns x, x′ and x″ of a series at a phase; multiples of the angle by rotation.
 pub(super) fn values(series: &[f64], phase_rad: f64) -> [f64; 3] {
     let (sine, cosine) = libm::sincos(phase_rad);
-    let (mut c, mut s, mut sum) = (1.0, 0.0, [series[0], 0.0, 0.0]);
+    let mut c = 1.0;
+    let mut s = 0.0;
+    let mut sum = [series[0], 0.0, 0.0];
     for (i, pair) in series[1..].chunks_exact(2).enumerate() {
         (c, s) = (c * cosine - s * sine, s * cosine + c * sine);
-        let (k, value) = ((i + 1) as f64, pair[0] * c + pair[1] * s);
+        let k = (i + 1) as f64;
+        let value = pair[0] * c + pair[1] * s;
         sum[0] += value;
         sum[1] += k * (pair[1] * c - pair[0] * s);
         sum[2] -= k * k * value;

@@ -57,16 +57,20 @@ mod tests {
         for preset in Preset::ALL {
             for beta2_deg in [0.0, 60.0, 120.0] {
                 let arm = preset_at(preset, [0.0, beta2_deg]);
-                let (linear, tip, modes) = (LinearResponse::new(&arm), arm.dof("tip.y").unwrap(), widths(&arm));
+                let linear = LinearResponse::new(&arm);
+                let tip = arm.dof("tip.y").unwrap();
+                let modes = widths(&arm);
                 for &(frequency_hz, damping_ratio) in modes.iter().filter(|mode| mode.0 < 80.0) {
                     let near = |part: f64| frequency_hz * (1.0 + part * damping_ratio);
                     let fine: Vec<f64> = (-2000..=2000).map(|k| near(f64::from(k) / 500.0)).collect();
-                    let (low, high) = (near(-30.0), near(30.0));
+                    let low = near(-30.0);
+                    let high = near(30.0);
                     let within = |modes: &[(f64, f64)]| -> Vec<f64> {
                         let all = frequencies_hz(1.0, 80.0, 801, modes);
                         all.into_iter().filter(|hz| (low..=high).contains(hz)).collect()
                     };
-                    let (peak, met) = (largest(&linear, tip, &fine), largest(&linear, tip, &within(&modes)));
+                    let peak = largest(&linear, tip, &fine);
+                    let met = largest(&linear, tip, &within(&modes));
                     assert!(met > 0.9999 * peak, "{preset} {beta2_deg}: {met} of {peak}");
                     least_of_even = least_of_even.min(largest(&linear, tip, &within(&[])) / peak);
                 }

@@ -126,7 +126,8 @@ impl History {
                 // A state that was held once no longer depends on where it began.
                 self.forgets |= !(step.passed && held == step.free);
                 let one = |yes: bool| f64::from(u8::from(yes));
-                let (passed, free) = (one(step.passed), one(held == step.free));
+                let passed = one(step.passed);
+                let free = one(held == step.free);
                 // e₂ (e₁ (dz + da) + dx − dx₋ − da), and in products of v and h the frequency cancels.
                 let by_velocity = step.by_velocity.map(|by| (passed - 1.0) * by);
                 let by_frequency = -(by_velocity[0] * velocity[0] + by_velocity[1] * velocity[1]) / frequency_hz;
@@ -140,7 +141,8 @@ impl History {
                     part,
                     part_velocity,
                 };
-                (self.state[j], self.mean[j]) = (held, mean);
+                self.state[j] = held;
+                self.mean[j] = mean;
                 z = held;
             }
         }
@@ -169,7 +171,8 @@ impl History {
 
     fn run_lugre(&mut self, law: &Law, step_s: f64, frequency_hz: f64) {
         let samples = self.position.len();
-        let (mut product, mut sum) = (1.0, 0.0);
+        let mut product = 1.0;
+        let mut sum = 0.0;
         for pass in 0..2 {
             // A period maps z onto Πe z + q. The first pass, from zero, gives Πe and q; the second begins at the fixed
             // point.
@@ -177,7 +180,8 @@ impl History {
             for j in 1..=samples {
                 let v = 0.5 * (self.velocity[j % samples] + self.velocity[j - 1]);
                 let (next, step) = lugre_step(law, z, v, step_s, frequency_hz);
-                (self.steps[j % samples], self.state[j % samples]) = (step, next);
+                self.steps[j % samples] = step;
+                self.state[j % samples] = next;
                 product *= if pass == 0 { step.by_state } else { 1.0 };
                 z = next;
             }
@@ -213,7 +217,8 @@ impl History {
         let mut current = None;
         for turn in 0..=samples {
             let j = (first + turn) % samples;
-            let (step, before) = (&self.steps[j], (j + samples - 1) % samples);
+            let step = &self.steps[j];
+            let before = (j + samples - 1) % samples;
             let counts = turn > 0 && step.part != 0.0;
             let stretch = current.filter(|_| step.by_state > 0.0);
             current = None;
@@ -245,16 +250,20 @@ impl History {
         frequency_hz: f64,
         mut with: impl FnMut(usize, &[f64]),
     ) {
-        let (samples, count) = (self.position.len(), basis(0).0.len());
+        let samples = self.position.len();
+        let count = basis(0).0.len();
         let columns = count * active + 1;
         let product: f64 = self.steps.iter().map(|step| step.by_state * step.free).product();
-        let (mut row, mut counted) = (vec![0.0; columns], vec![0.0; columns]);
+        let mut row = vec![0.0; columns];
+        let mut counted = vec![0.0; columns];
         let advance = |row: &mut [f64], counted: &mut [f64], j: usize| {
             let before = (j + samples - 1) % samples;
-            let (step, [here, last]) = (&self.steps[j], [j, before].map(&basis));
+            let step = &self.steps[j];
+            let [here, last] = [j, before].map(&basis);
             for i in 0..active {
                 let directions = [direction(j, i), direction(before, i)];
-                let (row, counted) = (&mut row[i..columns - 1], &mut counted[i..columns - 1]);
+                let row = &mut row[i..columns - 1];
+                let counted = &mut counted[i..columns - 1];
                 widest(Advance { step, row, counted, stride: active, directions, here, last });
             }
             let [v0, v] = [self.velocity[before], self.velocity[j]];
@@ -315,7 +324,8 @@ impl Task for Advance<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let (step, [w, w0]) = (self.step, self.directions);
+        let step = self.step;
+        let [w, w0] = self.directions;
         let [here, last] = [self.here, self.last].map(|(functions, rates)| functions.iter().zip(rates));
         let functions = here.zip(last).map(|((x, v), (x0, v0))| [*x, *v, *x0, *v0]);
         let one = |((row, counted), [x, v, x0, v0]): ((&mut f64, &mut f64), [f64; 4])| {
@@ -374,9 +384,12 @@ fn lugre_step(law: &Law, z: f64, v: f64, step_s: f64, frequency_hz: f64) -> (f64
     };
     let ratio = v / stribeck;
     let bell = (breakaway - coulomb) * libm::exp(-ratio * ratio);
-    let (g, slope) = (coulomb + bell, -2.0 * ratio / stribeck * bell);
-    let (sign, decay) = (if v < 0.0 { -1.0 } else { 1.0 }, bristle_stiffness * v.abs() * step_s / g);
-    let (end, kept) = (sign * g / bristle_stiffness, libm::exp(-decay));
+    let g = coulomb + bell;
+    let slope = -2.0 * ratio / stribeck * bell;
+    let sign = if v < 0.0 { -1.0 } else { 1.0 };
+    let decay = bristle_stiffness * v.abs() * step_s / g;
+    let end = sign * g / bristle_stiffness;
+    let kept = libm::exp(-decay);
     // 1 − E, without cancellation at a small decay.
     let share = -libm::expm1(-decay);
     // d(decay)/dv and d(end)/dv; (1 − E) end → v h for small v, with derivative h.
@@ -407,17 +420,21 @@ mod tests {
     /// step, or not at all.
     #[test]
     fn the_derivative_of_friction_is_that_of_its_steps() {
-        let (omega, basis) = (3.0, Basis::uniform(HARMONICS, SAMPLES));
+        let omega = 3.0;
+        let basis = Basis::uniform(HARMONICS, SAMPLES);
         let step_s = core::f64::consts::TAU / (omega * SAMPLES as f64);
         assert_eq!(uniform(SAMPLES).count(), basis.samples());
         let columns = 2 * HARMONICS + 1;
-        let (mut functions, mut rates) = (vec![vec![1.0; columns]; SAMPLES], vec![vec![0.0; columns]; SAMPLES]);
+        let mut functions = vec![vec![1.0; columns]; SAMPLES];
+        let mut rates = vec![vec![0.0; columns]; SAMPLES];
         for k in 1..=HARMONICS {
             let (cosines, sines) = basis.tables(k - 1);
             let rate = k as f64 * omega;
             for j in 0..SAMPLES {
-                (functions[j][2 * k - 1], functions[j][2 * k]) = (cosines[j], sines[j]);
-                (rates[j][2 * k - 1], rates[j][2 * k]) = (-rate * sines[j], rate * cosines[j]);
+                functions[j][2 * k - 1] = cosines[j];
+                functions[j][2 * k] = sines[j];
+                rates[j][2 * k - 1] = -rate * sines[j];
+                rates[j][2 * k] = rate * cosines[j];
             }
         }
         let x = [0.1, 1.0, 0.3, -0.2, 0.5, 0.4, 0.1];

@@ -65,7 +65,8 @@ pub fn mode_errors(chain: &Assembly, scheme: Scheme, rate_hz: f64) -> Result<Vec
 }
 
 fn mode_error(chain: &Assembly, stepper: &mut Stepper, mode: &StructureMode) -> Result<ModeError, StepError> {
-    let (n, mass) = (chain.coordinates(), chain.linear().mass);
+    let n = chain.coordinates();
+    let mass = chain.linear().mass;
     let product = |column: usize| (0..n).map(|row| mode.shape[row] * mass[row * n + column]).sum::<f64>();
     let row: Vec<f64> = (0..n).map(product).collect();
     let along = |values: &[f64]| row.iter().zip(values).map(|(weight, value)| weight * value).sum::<f64>();
@@ -78,7 +79,8 @@ fn mode_error(chain: &Assembly, stepper: &mut Stepper, mode: &StructureMode) -> 
     start.iter_mut().zip(&mode.shape).for_each(|(q, part)| *q = part * (MODE_AMPLITUDE_RAD / largest));
     stepper.restore(&start)?;
     let mut phasor_before = phasor(stepper);
-    let (mut log_amplitude, mut phase_rad) = (0.0, 0.0);
+    let mut log_amplitude = 0.0;
+    let mut phase_rad = 0.0;
     for k in 0..MODE_STEPS {
         stepper.advance(f64::from(k) * stepper.step_s(), &[])?;
         let phasor_after = phasor(stepper);
@@ -123,18 +125,24 @@ pub fn energy_drift(
         chain.energy_j(stepper.position(), stepper.velocity()) + elements_j
     };
     let first_j = energy_j(&stepper);
-    let (mut tenths, mut smallest, mut largest, mut done) = ([0.0; 10], 0.0_f64, 0.0_f64, 0);
+    let mut tenths = [0.0; 10];
+    let mut smallest = 0.0_f64;
+    let mut largest = 0.0_f64;
+    let mut done = 0;
     for (tenth, mean) in (1_u64..).zip(&mut tenths) {
         let end = (u64::from(steps) * tenth / 10) as u32;
-        let (mut sum, mut weights) = (0.0, 0.0);
+        let mut sum = 0.0;
+        let mut weights = 0.0;
         for k in done..end {
             stepper.advance(f64::from(k) * stepper.step_s(), &[])?;
             // Relative to the start before summing, so that the sum keeps its digits.
             let relative = (energy_j(&stepper) - first_j) / first_j;
-            (smallest, largest) = (smallest.min(relative), largest.max(relative));
+            smallest = smallest.min(relative);
+            largest = largest.max(relative);
             let s = (f64::from(k - done) + 0.5) / f64::from(end - done);
             let weight = libm::pow(s * (1.0 - s), 3.0);
-            (sum, weights) = (sum + weight * relative, weights + weight);
+            sum += weight * relative;
+            weights += weight;
         }
         *mean = sum / weights;
         done = end;
@@ -228,7 +236,8 @@ mod tests {
         let drift = |preset, beta2_deg, scheme, rate_hz| {
             energy_drift(&undamped(preset, 20.0, beta2_deg), scheme, rate_hz, &start, 20_000).unwrap()
         };
-        let (fitted, table1) = (Preset::Irb1600Fitted, Preset::Irb1600Table1);
+        let fitted = Preset::Irb1600Fitted;
+        let table1 = Preset::Irb1600Table1;
         // The last two are so slow that the second mode turns by about π a step.
         for (preset, beta2_deg, rate_hz) in [
             (fitted, 60.0, 4000.0),

@@ -36,8 +36,10 @@ pub(crate) struct Foot<'a, T> {
 pub(crate) fn foot<T>(all: &[T], place: impl Fn(&T) -> [f64; 2]) -> Option<Foot<'_, T>> {
     let mut best: Option<Foot<'_, T>> = None;
     for pair in all.windows(2) {
-        let ([x0, y0], [x1, y1]) = (place(&pair[0]), place(&pair[1]));
-        let (dx, dy) = (x1 - x0, y1 - y0);
+        let [x0, y0] = place(&pair[0]);
+        let [x1, y1] = place(&pair[1]);
+        let dx = x1 - x0;
+        let dy = y1 - y0;
         let square = dx * dx + dy * dy;
         let share = if square > 0.0 { (-(x0 * dx + y0 * dy) / square).clamp(0.0, 1.0) } else { 0.0 };
         let distance = libm::hypot(x0 + share * dx, y0 + share * dy);

@@ -34,7 +34,8 @@ pub fn maxima(curve: &[(f64, f64)]) -> Vec<Maximum> {
 /// interpolation.
 pub fn half_power_width_hz(curve: &[(f64, f64)], all: &[(f64, f64)]) -> Option<f64> {
     let level = maxima(curve).first()?.amplitude_rad * core::f64::consts::FRAC_1_SQRT_2;
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut low = f64::INFINITY;
+    let mut high = f64::NEG_INFINITY;
     let mut take = |hz: f64| (low, high) = (low.min(hz), high.max(hz));
     // All points above the level are inside the width; the crossings then take both ends outwards to the level itself.
     all.iter().filter(|point| point.1 >= level).for_each(|point| take(point.0));

@@ -45,7 +45,8 @@ pub fn phase_zero_state(forced: &Forced, coordinate: Coordinate, orbit: &Orbit) 
 /// Returns the state of the response last evaluated: q = c₀ + Σ aₖ and q̇ = Σ kΩ bₖ of each coordinate, then z.
 pub(super) fn at_phase_zero(balance: &Balance) -> Vec<f64> {
     let n = balance.forced.assembly.coordinates();
-    let (mut state, mut rates) = (Vec::with_capacity(2 * n), Vec::<f64>::with_capacity(n));
+    let mut state = Vec::with_capacity(2 * n);
+    let mut rates = Vec::<f64>::with_capacity(n);
     for coordinate in 0..n {
         let series = balance.coordinate_series(coordinate);
         let pairs = || series[1..].chunks_exact(2);

@@ -35,7 +35,9 @@ pub fn structure_poles(of: &Assembly) -> Vec<Option<Pole>> {
 
 /// Returns C = ΦᵀDΦ by rows.
 fn modal_damping(of: &Assembly) -> Vec<f64> {
-    let (n, modes, linear) = (of.coordinates(), of.modes(), of.linear());
+    let n = of.coordinates();
+    let modes = of.modes();
+    let linear = of.linear();
     let mut damping = vec![0.0; n * n];
     for (i, row) in modes.iter().enumerate() {
         for (k, column) in modes.iter().enumerate() {
@@ -52,8 +54,10 @@ fn modal_damping(of: &Assembly) -> Vec<f64> {
 /// In modal coordinates with s = Φᵀw the armature makes (I + m ssᵀ) ü + (C + c ssᵀ) u̇ + (Ω² + k ssᵀ) u = 0, and
 /// (I + m ssᵀ)⁻¹ = I − m ssᵀ/(1 + m sᵀs).
 pub fn longest_time_constant_s(of: &Assembly, armature: Option<&Armature>) -> f64 {
-    let (n, modes) = (of.coordinates(), of.modes());
-    let (rest, mut w) = (vec![0.0; n], vec![0.0; n]);
+    let n = of.coordinates();
+    let modes = of.modes();
+    let rest = vec![0.0; n];
+    let mut w = vec![0.0; n];
     let [mut mass_kg, mut damping_n_s_m, mut stiffness_n_m] = [0.0; 3];
     if let Some(armature) = armature {
         armature.direction(&of.at(&rest), &mut w);
@@ -131,7 +135,8 @@ mod tests {
     fn arm(damping_nm_s_rad: f64) -> Assembly {
         let mut chain = Preset::Irb1600Fitted.chain().unwrap();
         for (link, angle_deg) in chain.links.iter_mut().zip([30.0, 60.0]) {
-            (link.angle_deg, link.damping_nm_s_rad) = (angle_deg, damping_nm_s_rad);
+            link.angle_deg = angle_deg;
+            link.damping_nm_s_rad = damping_nm_s_rad;
         }
         Assembly::new(&StructureSpec { body: BodySpec::Chain(chain), elements: vec![] }).unwrap()
     }
@@ -151,7 +156,9 @@ mod tests {
     /// One mode: 1/(ζω) alone; with an armature (1 + m φ²) ü + (2ζω + c φ²) u̇ + (ω² + k φ²) u = 0.
     #[test]
     fn an_armature_changes_the_longest_time_constant() {
-        let (hz, zeta, phi) = (20.0, 0.01, 0.5);
+        let hz = 20.0;
+        let zeta = 0.01;
+        let phi = 0.5;
         let shapes = vec![ShapeSpec { point: "tip".into(), axis: Axis::X, by_mode: vec![phi] }];
         let modes = vec![ModeSpec { frequency_hz: hz, damping_ratio: zeta }];
         let body = BodySpec::Modal(ModalSpec { modes, shapes });
@@ -161,7 +168,8 @@ mod tests {
         let armature = Armature { along, mass_kg: 0.4, stiffness_n_m: 2e3, damping_n_s_m: 3.0, coil };
         let near = |seen: f64, expected: f64| assert!((seen / expected - 1.0).abs() < 1e-12, "{seen} {expected}");
         near(longest_time_constant_s(&assembly, None), 1.0 / (zeta * TAU * hz));
-        let (mass, damping) = (1.0 + 0.4 * phi * phi, 2.0 * zeta * TAU * hz + 3.0 * phi * phi);
+        let mass = 1.0 + 0.4 * phi * phi;
+        let damping = 2.0 * zeta * TAU * hz + 3.0 * phi * phi;
         near(longest_time_constant_s(&assembly, Some(&armature)), 2.0 * mass / damping);
     }
 

@@ -31,7 +31,8 @@ impl Summit {
 pub(crate) fn summits(curve: &[(f64, f64)]) -> Vec<Summit> {
     let is_summit = |k: &usize| curve[*k].1 > curve[k - 1].1 && curve[*k].1 >= curve[k + 1].1;
     let summit = |k: usize| {
-        let (top, level) = (curve[k], FRAC_1_SQRT_2 * curve[k].1);
+        let top = curve[k];
+        let level = FRAC_1_SQRT_2 * curve[k].1;
         let ends = [falls(top, curve[..k].iter().rev(), level)?, falls(top, curve[k..].iter(), level)?];
         let band_hz = [ends[0][0].min(ends[1][0]), ends[0][1].max(ends[1][1])];
         Some(Summit { frequency_hz: top.0, amplitude: top.1, band_hz })
@@ -52,7 +53,8 @@ fn falls<'a>(top: (f64, f64), way: impl Iterator<Item = &'a (f64, f64)>, level: 
         // Where the straight line between two points crosses the level.
         let part = if below { (last.1 - level) / (last.1 - point.1) } else { 1.0 };
         let hz = last.0 + part * (point.0 - last.0);
-        (low, high) = (low.min(hz), high.max(hz));
+        low = low.min(hz);
+        high = high.max(hz);
         if below {
             return Some([low, high]);
         }

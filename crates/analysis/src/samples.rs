@@ -242,7 +242,8 @@ impl Samples {
     /// Computes the values that [`Samples::functions`] returns, which only the derivatives of elements with a state
     /// need.
     pub fn set_functions(&mut self) {
-        let (count, samples) = (self.functions_count(), self.count());
+        let count = self.functions_count();
+        let samples = self.count();
         if !self.functions.is_empty() {
             return;
         }
@@ -281,7 +282,8 @@ impl Samples {
         }
         self.series.clear();
         self.series.extend_from_slice(x);
-        let (samples, m) = (self.count(), unknowns.count());
+        let samples = self.count();
+        let m = unknowns.count();
         self.motion.iter_mut().for_each(|signal| signal.resize(samples * m, 0.0));
         let with_acceleration = matches!(unknowns.body, Body::Chain);
         // One unknown after the other in signals without gaps, which the sums over the harmonics pass many times.
@@ -308,11 +310,13 @@ impl Samples {
                 }
                 fft.backward(&mut self.lines);
                 for ((position, velocity), value) in position.iter_mut().zip(velocity).zip(&self.lines) {
-                    (*position, *velocity) = (value.re, omega_rad_s * value.im);
+                    *position = value.re;
+                    *velocity = omega_rad_s * value.im;
                 }
             } else {
                 for (k, a, b) in pairs {
-                    let (tables, rate) = (self.basis.tables(k - 1), k as f64 * omega_rad_s);
+                    let tables = self.basis.tables(k - 1);
+                    let rate = k as f64 * omega_rad_s;
                     add_sine(position, tables, [a, b]);
                     // cos kτ has the rate −kΩ sin kτ, sin kτ the rate kΩ cos kτ.
                     add_sine(velocity, tables, [rate * b, -rate * a]);
@@ -329,7 +333,8 @@ impl Samples {
 
     /// Computes Q and its derivatives along the response.
     pub fn evaluate(&mut self, forced: &Forced, unknowns: &Unknowns, frequency_hz: f64, contacts: Contacts) {
-        let (samples, m) = (self.count(), unknowns.count());
+        let samples = self.count();
+        let m = unknowns.count();
         let is_chain = matches!(unknowns.body, Body::Chain);
         let [by_position, by_velocity, by_acceleration] = &mut self.by;
         for (signal, pairs) in [(&mut self.load, m), (by_position, m * m), (by_velocity, m * m)] {
@@ -364,7 +369,8 @@ impl Samples {
 
     /// Adds the part of a polynomial whose displacements are sums of unknowns, of `m`.
     fn along_places(&mut self, polynomial: &Polynomial, displacements: &[Weights], m: usize) {
-        let (samples, size) = (self.count(), displacements.len());
+        let samples = self.count();
+        let size = displacements.len();
         let [mut x, mut forces] = [[0.0; MOST_DISPLACEMENTS]; 2];
         let mut stiffness = [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS];
         for j in 0..samples {
@@ -387,7 +393,8 @@ impl Samples {
 
     /// Adds the part of a polynomial of a chain: Σ wᵢ fᵢ, and Σ fᵢ ∂wᵢ/∂u + Σ wᵢ ∂²V/∂xᵢ∂xₖ wₖᵀ as its derivative.
     fn along_coordinates(&mut self, forced: &Forced, polynomial: &Polynomial, m: usize) {
-        let (samples, size) = (self.count(), polynomial.at().len());
+        let samples = self.count();
+        let size = polynomial.at().len();
         let [mut x, mut forces] = [[0.0; MOST_DISPLACEMENTS]; 2];
         let mut stiffness = [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS];
         let mut directions = [[0.0; MOST_LINKS]; MOST_DISPLACEMENTS];
@@ -415,7 +422,8 @@ impl Samples {
 
     /// Adds the part of the elements of a chain.
     fn along_links(&mut self, forced: &Forced, unknowns: &Unknowns, of_interval: Interval) {
-        let (samples, m) = (self.count(), unknowns.count());
+        let samples = self.count();
+        let m = unknowns.count();
         let mut reactions = core::mem::take(&mut self.reactions);
         for (e, element) in forced.assembly.elements().iter().enumerate() {
             let history = self.histories.iter().position(|history| history.element == e);
@@ -488,7 +496,8 @@ impl Samples {
             }
             self.run_history(history, &element.law, of_interval);
         }
-        let (mut reactions, omega) = (core::mem::take(&mut self.reactions), self.omega_rad_s);
+        let mut reactions = core::mem::take(&mut self.reactions);
+        let omega = self.omega_rad_s;
         let series: Vec<f64> = match parts(&element.law)[0] {
             Some(_) => self.series.chunks_exact(m).map(|of| sum(weights, of)).collect(),
             None => vec![],
@@ -548,10 +557,12 @@ impl Samples {
 
     /// Adds the unbalance of a chain under its drive.
     fn unbalance(&mut self, forced: &Forced, unknowns: &Unknowns) {
-        let (samples, n) = (self.count(), unknowns.count());
+        let samples = self.count();
+        let n = unknowns.count();
         self.by_drive.clear();
         self.by_drive.resize(n * samples, 0.0);
-        let (mut direction, mut force) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS]);
+        let mut direction = [0.0; MOST_LINKS];
+        let mut force = [0.0; MOST_LINKS];
         let components = forced.components().map(|of| (of.order * unknowns.period, of.parts));
         let waves: Vec<(usize, [f64; 2])> = components.filter(|(order, _)| *order <= self.basis.harmonics()).collect();
         for j in 0..samples {
@@ -618,14 +629,17 @@ pub(super) fn geometry(forced: &Forced, unknowns: &Unknowns, element: usize, u: 
         weights.iter().for_each(|(place, weight)| direction[*place] = *weight);
         return Geometry { position: sum(weights, u), velocity: sum(weights, v), direction, curvature: None };
     }
-    let (at, element, n) = (forced.assembly.at(u), &forced.assembly.elements()[element], u.len());
+    let at = forced.assembly.at(u);
+    let element = &forced.assembly.elements()[element];
+    let n = u.len();
     at.element_direction(element, &mut direction);
     let velocity = direction.iter().zip(v).map(|(w, v)| w * v).sum();
     let position = at.element_displacement(element);
     if element.at.is_angle() {
         return Geometry { position, velocity, direction, curvature: None };
     }
-    let (mut curvature, mut turning) = ([0.0; MOST_LINKS * MOST_LINKS], [0.0; MOST_LINKS]);
+    let mut curvature = [0.0; MOST_LINKS * MOST_LINKS];
+    let mut turning = [0.0; MOST_LINKS];
     at.add_curvature(element.at, 1.0, &mut curvature);
     if let Some(to) = element.to {
         at.add_curvature(to, -1.0, &mut curvature);
@@ -668,7 +682,8 @@ fn around_sample(element: &Element, [position, velocity]: [f64; 2], step_s: f64)
         }
         Law::KelvinVoigt { stiffness, damping, gap, side, .. } => {
             let sign = side.sign();
-            let (depth, rate) = (sign * position - gap, sign * velocity);
+            let depth = sign * position - gap;
+            let rate = sign * velocity;
             if depth.abs() >= 0.5 * rate.abs() * step_s || (damping > 0.0 && rate < 0.0) {
                 return plain();
             }

@@ -29,10 +29,12 @@ pub(crate) fn search<S: System>(
     mut test: impl FnMut(&mut S, &Point) -> f64,
 ) -> Result<Point, AnalysisError> {
     let mut slices = Slices::new(system.dimension(), settings, ends, Cut::Chord);
-    let ([mut a, mut b], [mut fa, mut fb]) = (ends.map(Clone::clone), values);
+    let [mut a, mut b] = ends.map(Clone::clone);
+    let [mut fa, mut fb] = values;
     let whole = b.arclength - a.arclength;
     let tolerance = tolerance * whole;
-    let (mut side, mut before) = (0, f64::INFINITY);
+    let mut side = 0;
+    let mut before = f64::INFINITY;
     for step in 0..SEARCH_LIMIT {
         let fraction = if step < FALSI_LIMIT { fa / (fa - fb) } else { 0.5 };
         let point = match slices.solve(system, [&a, &b], fraction) {
@@ -54,13 +56,15 @@ pub(crate) fn search<S: System>(
             return Ok(point);
         }
         if (value < 0.0) == (fb < 0.0) {
-            (b, fb) = (point, value);
+            b = point;
+            fb = value;
             // The second time in a row on this side the value at the other end is halved, which draws the next point
             // towards that end.
             fa *= if side == 1 { 0.5 } else { 1.0 };
             side = 1;
         } else {
-            (a, fa) = (point, value);
+            a = point;
+            fa = value;
             fb *= if side == -1 { 0.5 } else { 1.0 };
             side = -1;
         }
@@ -83,7 +87,8 @@ mod tests {
 
         fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
             residual[0] = x[0] - lambda;
-            (matrix[0], matrix[2]) = (1.0, -1.0);
+            matrix[0] = 1.0;
+            matrix[2] = -1.0;
             true
         }
     }

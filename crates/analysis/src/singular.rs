@@ -106,7 +106,8 @@ impl Singular {
         settings: &ContinuationSettings,
         x: &[f64],
     ) -> Result<Singular, AnalysisError> {
-        let (lambda, harmonics) = (balance.coordinate, balance.harmonics());
+        let lambda = balance.coordinate;
+        let harmonics = balance.harmonics();
         let balance = match kind {
             Singularity::Fold => balance.clone(),
             Singularity::PeriodDoubling => {
@@ -137,7 +138,8 @@ impl Singular {
         singular.set_harmonics(harmonics);
         let full = singular.embedded(x);
         singular.differentiate(&full, 0);
-        let (m, stride) = (singular.v.len(), singular.balance.dimension());
+        let m = singular.v.len();
+        let stride = singular.balance.dimension();
         let matrix = singular.bordered.zeroed(m);
         copy(&singular.matrices[0], stride, &singular.variation, matrix, m);
         singular.bordered.factor()?;
@@ -212,13 +214,15 @@ impl Singular {
         let count = if self.mu.is_some() { 2 } else { 1 };
         self.residual.resize(size, 0.0);
         self.matrices[which].resize(size * (size + 2), 0.0);
-        let (residual, matrix) = (&mut self.residual, &mut self.matrices[which]);
+        let residual = &mut self.residual;
+        let matrix = &mut self.matrices[which];
         self.balance.derivatives(full, &coordinates[..count], residual, matrix, size);
     }
 
     /// Returns g, with v and w of this response; NaN if the bordered matrix has no inverse.
     fn border(&mut self) -> f64 {
-        let (m, size) = (self.v.len(), self.balance.dimension());
+        let m = self.v.len();
+        let size = self.balance.dimension();
         let matrix = self.bordered.zeroed(m + 1);
         copy(&self.matrices[0], size, &self.variation, matrix, m + 1);
         matrix[m * (m + 1)..m * (m + 1) + m].copy_from_slice(&self.w);
@@ -241,7 +245,8 @@ impl Singular {
 
     /// Writes ∂(wᵀA v) by λ, X and μ.
     fn gradient(&mut self, full: &[f64], x: &[f64], mut write: impl FnMut(usize, f64)) {
-        let (n, size) = (self.orbit.len(), full.len());
+        let n = self.orbit.len();
+        let size = full.len();
         let v = self.null_vector();
         let length = libm::sqrt(v.iter().map(|v| v * v).sum());
         let step = DIFFERENCE * self.settings.size(x) / length;
@@ -306,7 +311,9 @@ impl System for Singular {
     }
 
     fn evaluate(&mut self, z: &[f64], mu: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
-        let (n, stride, size) = (self.orbit.len(), self.orbit.len() + 2, self.balance.dimension());
+        let n = self.orbit.len();
+        let stride = self.orbit.len() + 2;
+        let size = self.balance.dimension();
         let (lambda, x) = self.split(z);
         if !self.set(lambda, mu) {
             return false;

@@ -36,7 +36,8 @@ impl Line {
     /// Sets the order zero to that of a signal, the others to zero, and returns whether the signal is constant, as the
     /// derivative of a linear force is, which needs no projections.
     fn set_constant(&mut self, signal: &[f64]) -> bool {
-        let (first, middle) = (signal[0], 2 * self.harmonics);
+        let first = signal[0];
+        let middle = 2 * self.harmonics;
         let constant = signal.iter().all(|value| *value == first);
         let mean = if constant { first } else { signal.iter().sum::<f64>() / signal.len() as f64 };
         self.orders.fill([0.0; 2]);
@@ -79,10 +80,12 @@ fn transform_two(lines: [&mut Line; 2], samples: &Samples, signals: [&[f64]; 2])
     }
     let mut values: Vec<_> = signals[0].iter().zip(signals[1]).map(|(re, im)| Complex::new(*re, *im)).collect();
     fft.forward(&mut values);
-    let (count, scale) = (values.len(), 1.0 / values.len() as f64);
+    let count = values.len();
+    let scale = 1.0 / values.len() as f64;
     for k in 1..=2 * first.harmonics {
         // The transform of real signals is that of −k, conjugate.
-        let (above, below) = (values[k], values[count - k]);
+        let above = values[k];
+        let below = values[count - k];
         if !constant[0] {
             first.set_order(k, (scale * (above.re + below.re), scale * (below.im - above.im)));
         }
@@ -120,7 +123,8 @@ pub(super) fn operator(
     is_symmetric: bool,
     matrix: &mut [f64],
 ) {
-    let (size, count) = (m * (2 * harmonics + 1), samples.count());
+    let size = m * (2 * harmonics + 1);
+    let count = samples.count();
     matrix[..size * size].fill(0.0);
     let mut lines = [(); 3].map(|()| Line::new(harmonics));
     let mut combined = Line::new(harmonics);
@@ -139,7 +143,8 @@ pub(super) fn operator(
         if acts == [false; 3] {
             continue;
         }
-        let (i, j) = (pair / m, pair % m);
+        let i = pair / m;
+        let j = pair % m;
         for l in 0..=harmonics {
             let rate = l as f64 * omega_rad_s;
             let u = if acts[2] {
@@ -182,7 +187,8 @@ fn put(column: &mut [f64], [m, i]: [usize; 2], mut components: impl Iterator<Ite
         constant[i] = 0.5 * first;
     }
     for (rows, [cosine, sine]) in others.chunks_exact_mut(2 * m).zip(components) {
-        (rows[i], rows[m + i]) = (cosine, sine);
+        rows[i] = cosine;
+        rows[m + i] = sine;
     }
 }
 
@@ -229,7 +235,9 @@ fn polished(series: &[f64], mut phase_rad: f64, samples: usize) -> f64 {
         if x.abs() < value.abs() {
             break;
         }
-        (value, slope, curvature) = (x, v, a);
+        value = x;
+        slope = v;
+        curvature = a;
     }
     value.abs()
 }

@@ -58,7 +58,8 @@ pub(super) fn start_near(
     state: &[f64],
 ) -> Result<Continuation, AnalysisError> {
     let assembly = balance.forced.assembly();
-    let (moving, all) = (2 * assembly.coordinates(), 2 * assembly.coordinates() + assembly.element_states());
+    let moving = 2 * assembly.coordinates();
+    let all = 2 * assembly.coordinates() + assembly.element_states();
     if (state.len() != moving && state.len() != all) || !state.iter().all(|number| number.is_finite()) {
         let got = state.iter().take_while(|number| number.is_finite()).count();
         return Err(AnalysisError::StateSize { got, expected: moving, with_elements: all });
@@ -67,7 +68,8 @@ pub(super) fn start_near(
     whole.resize(all, 0.0);
     let course = course(&balance.forced, balance.frequency_hz, &whole)?;
     let period = course.period();
-    let (branch, at) = (&options.branch, balance.place(options.branch.from));
+    let branch = &options.branch;
+    let at = balance.place(options.branch.from);
     let mut around = Balance::of_period(
         &balance.forced,
         [period, branch.least_harmonics * period],
@@ -78,7 +80,8 @@ pub(super) fn start_near(
     let m = around.unknowns.count();
     let [least, most] = [branch.least_harmonics, branch.most_harmonics].map(|harmonics| harmonics * period);
     let needed = needed_harmonics(&series, m).max(least).min(most);
-    let (mut harmonics, mut refusal) = (needed, StepRefusal::Newton);
+    let mut harmonics = needed;
+    let mut refusal = StepRefusal::Newton;
     for more in [needed, (2 * needed).min(most)] {
         harmonics = more;
         let mut guess = series.clone();
@@ -126,7 +129,8 @@ fn course(forced: &Forced, frequency_hz: f64, state: &[f64]) -> Result<Course, A
 fn integrated(forced: &Forced, frequency_hz: f64, state: &[f64], steps: f64) -> Result<Course, StepError> {
     let dofs: Vec<Dof> = forced.drives().iter().map(|(dof, _)| *dof).collect();
     let peaks: Vec<f64> = forced.drives().iter().map(|(_, share)| share * forced.amplitude()).collect();
-    let (n, omega_rad_s) = (forced.assembly().coordinates(), core::f64::consts::TAU * frequency_hz);
+    let n = forced.assembly().coordinates();
+    let omega_rad_s = core::f64::consts::TAU * frequency_hz;
     let rate_hz = SAMPLES as f64 * steps * frequency_hz;
     let mut stepper = Stepper::new(forced.assembly(), &dofs, Scheme::Dop853, rate_hz)?;
     stepper.restore(state)?;
@@ -179,8 +183,10 @@ impl Course {
     /// The Fourier series of the unknowns of a balance, without a jump from the end to the start.
     fn series(&self, balance: &Balance) -> Vec<f64> {
         let n = balance.forced.assembly().coordinates();
-        let (count, m) = (SAMPLES * balance.period(), balance.unknowns.count());
-        let (basis, orders) = (Basis::uniform(count / 2 - 1, count), count / 2 - 1);
+        let count = SAMPLES * balance.period();
+        let m = balance.unknowns.count();
+        let basis = Basis::uniform(count / 2 - 1, count);
+        let orders = count / 2 - 1;
         let mut series = vec![0.0; m * (2 * orders + 1)];
         for i in 0..m {
             let unknown = |q: &[f64]| match &balance.unknowns.body {
@@ -194,7 +200,8 @@ impl Course {
             series[i] = signal.iter().sum::<f64>() / count as f64;
             for k in 1..=orders {
                 let (cosine, sine) = basis.project(k - 1, &signal);
-                (series[(2 * k - 1) * m + i], series[2 * k * m + i]) = (cosine, sine);
+                series[(2 * k - 1) * m + i] = cosine;
+                series[2 * k * m + i] = sine;
             }
         }
         series

@@ -147,7 +147,8 @@ impl Places<'_> {
             let [least, most] =
                 [low / SubHarmonicSearch::PERIODS[1] as f64, high / SubHarmonicSearch::PERIODS[0] as f64];
             // The motions begin at the natural frequency, which may be outside.
-            (options.branch.from, options.branch.to) = (least.min(0.9 * own), most.max(1.1 * own));
+            options.branch.from = least.min(0.9 * own);
+            options.branch.to = most.max(1.1 * own);
             options.branch.truncation = TRUNCATION;
             options.branch.most_harmonics = HARMONICS;
             options.branch.ends_if_truncated = false;
@@ -164,7 +165,8 @@ impl Places<'_> {
 
     /// Returns the responses to which Newton's method leads from a start, each once, with as many harmonics as it needs.
     pub fn seeds(&self, start: &Start) -> Vec<Seed> {
-        let (nu, branch) = (start.period, &self.options.branch);
+        let nu = start.period;
+        let branch = &self.options.branch;
         let frequency_hz = if self.coordinate == Coordinate::FrequencyHz { start.value } else { self.frequency_hz };
         let harmonics = [nu, HARMONICS.max(branch.least_harmonics) * nu];
         let mut balance = Balance::of_period(self.forced, harmonics, frequency_hz, self.coordinate);
@@ -173,7 +175,8 @@ impl Places<'_> {
         }
         let m = balance.unknowns.count();
         let linear = linear(&mut balance);
-        let (mut seeds, mut known) = (Vec::new(), Vec::<[f64; 2]>::new());
+        let mut seeds = Vec::new();
+        let mut known = Vec::<[f64; 2]>::new();
         for phase in 0..PHASES {
             let phase_rad = core::f64::consts::TAU * phase as f64 / (PHASES * nu) as f64;
             let mut x = shifted(&start.series, m, phase_rad);
@@ -210,11 +213,13 @@ impl Places<'_> {
 
     /// Says whether a branch has the response of a seed, possibly shifted or mirrored.
     pub fn lies_on(&self, seed: &Seed, branch: &Branch) -> bool {
-        let (point, nu) = (seed.continuation.point(), seed.balance.period());
+        let point = seed.continuation.point();
+        let nu = seed.balance.period();
         if branch.period() != Some(nu) {
             return false;
         }
-        let (m, sought) = (seed.balance.unknowns.count(), point.lambda);
+        let m = seed.balance.unknowns.count();
+        let sought = point.lambda;
         let own = sizes(&point.x, m, nu);
         let mut orbits: Vec<&Orbit> = branch.orbits.iter().collect();
         orbits.extend(branch.bifurcations.iter().map(|found| &found.orbit));
@@ -253,7 +258,9 @@ fn start(motions: &[FreeMotion], value: f64, period: usize, frequency_hz: f64) -
 /// Returns the linear response of a balance, or rest if there is none: the first step of Newton's method from rest.
 fn linear(balance: &mut Balance) -> Vec<f64> {
     let n = balance.dimension();
-    let (mut lu, mut residual, rest) = (Lu::default(), vec![0.0; n], vec![0.0; n]);
+    let mut lu = Lu::default();
+    let mut residual = vec![0.0; n];
+    let rest = vec![0.0; n];
     balance.derivatives(&rest, &[], &mut residual, lu.zeroed(n), n);
     if lu.factor().is_err() {
         return rest;

@@ -207,7 +207,8 @@ impl Switching<'_> {
 
     /// Follows the branch from a bifurcation of the branch whose turn it is, unless it is known.
     fn follow_bifurcation(&mut self, index: usize) {
-        let (number, options) = (self.followed, self.options);
+        let number = self.followed;
+        let options = self.options;
         let Some(parent) = self.known(number) else { return };
         let bifurcation = &parent.bifurcations[index];
         let (kind, period) = match bifurcation.kind {
@@ -255,7 +256,8 @@ impl Switching<'_> {
     /// Seeks sub-harmonic responses, and follows the branches of those that lie on none that is known. Counts those that
     /// leave a branch with the period of the drive and are not kept.
     fn seek_sub_harmonics(&mut self, attached: &mut usize) -> SubHarmonicSearch {
-        let (branch, options) = (self.branch, self.options);
+        let branch = self.branch;
+        let options = self.options;
         let places = Places::new(self.forced, branch, self.coordinate, options);
         let starts = match places.starts() {
             Ok(starts) => starts,
@@ -271,7 +273,9 @@ impl Switching<'_> {
                 if known.any(|known| places.lies_on(&seed, known)) {
                     continue;
                 }
-                let (kind, value, period) = (OriginKind::SubHarmonic, start.value, start.period);
+                let kind = OriginKind::SubHarmonic;
+                let value = start.value;
+                let period = start.period;
                 let origin = Origin { kind, value, parent: None, period, is_mirrored: false };
                 let traced = both_ways(seed.balance, seed.continuation, options, true);
                 match traced {
@@ -337,7 +341,8 @@ impl Beginning {
         coordinate: Coordinate,
         options: &TraceOptions,
     ) -> Result<Beginning, AnalysisError> {
-        let (orbit, settings) = (&bifurcation.orbit, &options.branch.continuation);
+        let orbit = &bifurcation.orbit;
+        let settings = &options.branch.continuation;
         let x = &orbit.coefficients;
         let mut balance = Balance::of_period(forced, [orbit.period, orbit.harmonics], orbit.frequency_hz, coordinate);
         check(&mut balance, options)?;
@@ -348,7 +353,8 @@ impl Beginning {
             let (singular, z, _) = Singular::solved(&balance, Singularity::PeriodDoubling, settings, x)?;
             let (lambda, x) = singular.split(&z);
             let mut direction = singular.null_vector();
-            let (m, size) = (balance.unknowns.count(), direction.len());
+            let m = balance.unknowns.count();
+            let size = direction.len();
             direction.push(0.0);
             let mut start = doubled(x, m);
             start.resize(size, 0.0);

@@ -174,7 +174,8 @@ impl Condensed {
     /// Without elements the one place is that of the drive.
     fn new(forced: &Forced, modes: Vec<[f64; 2]>) -> Condensed {
         let assembly = &forced.assembly;
-        let (mut ends, mut places) = (vec![], vec![]);
+        let mut ends = vec![];
+        let mut places = vec![];
         let drive = forced.direction_at_rest();
         let mut place_of = |at: Dof, to: Option<Dof>| {
             let own = (at, to);
@@ -255,7 +256,8 @@ impl Condensed {
 
     /// Computes the sums of φφᵀ over modes, with these factors.
     fn sum(&self, factors: impl Iterator<Item = [Complex<f64>; 2]>, out: &mut Compliance) {
-        let (m, zero) = (self.places.len(), [Complex::new(0.0, 0.0); 2]);
+        let m = self.places.len();
+        let zero = [Complex::new(0.0, 0.0); 2];
         out.places.clear();
         out.places.resize(m * m, zero);
         out.drive.clear();

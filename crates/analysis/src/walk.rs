@@ -70,11 +70,13 @@ impl Walk {
 
 /// Returns the direction of the branch beyond a corner: dx and dλ.
 fn beyond(balance: &mut Balance, settings: &ContinuationSettings, corner: &Point, reach: f64) -> Option<Vec<f64>> {
-    let (n, size) = (corner.x.len(), settings.size(&corner.x));
+    let n = corner.x.len();
+    let size = settings.size(&corner.x);
     let sigma = size / settings.lambda_scale(corner.lambda);
     let ahead: Vec<f64> = corner.x.iter().zip(&corner.tangent).map(|(x, t)| x + reach * size * t).collect();
     let lambda = corner.lambda + reach * size * corner.tangent[n] / sigma;
-    let (mut lu, mut residual) = (Lu::default(), vec![0.0; n]);
+    let mut lu = Lu::default();
+    let mut residual = vec![0.0; n];
     let matrix = lu.zeroed(n + 1);
     if !balance.evaluate(&ahead, lambda, &mut residual, matrix) {
         return None;

@@ -33,7 +33,9 @@ impl<'a> Base<'a> {
                 // A run without a limit may record a response all the same.
                 let limits = specification.limits.response.len();
                 let responses: Vec<&[f64]> = record.responses.iter().take(limits).map(Vec::as_slice).collect();
-                let (limits, reading, drive) = (&specification.limits, &record.reading, &record.drive);
+                let limits = &specification.limits;
+                let reading = &record.reading;
+                let drive = &record.drive;
                 let judged =
                     judge_sine(test, limits, record.rate_hz, reading, Some(drive), &responses, Begin::Searched);
                 base.sine = judged.ok();

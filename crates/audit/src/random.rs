@@ -206,7 +206,8 @@ fn demand(test: &RandomTest) -> f64 {
 /// Returns the samples at full level: from where the rms over 2 s is within 2 dB of the specified one to where it last is, or to the
 /// end of the drive without the ramp; none if it is for less than 1 s.
 pub(crate) fn level(test: &RandomTest, record: &Record) -> Option<Range<usize>> {
-    let (window, demand) = (record.samples(LEVEL_S), demand(test));
+    let window = record.samples(LEVEL_S);
+    let demand = demand(test);
     let is_full = |rms: &f64| db(rms / demand).abs() < LEVEL_DB;
     let running = running_rms(&record.reading, window);
     let first = running.iter().position(is_full)?;
@@ -229,7 +230,8 @@ fn test<'a>(context: &Context<'a>) -> Result<&'a RandomTest, &'static str> {
 
 /// Returns the test, and the full level of the base run, which must be long enough to be judged.
 fn at_level<'a>(context: &Context<'a>) -> Result<(&'a RandomTest, Range<usize>), &'static str> {
-    let (test, level) = (test(context)?, context.base.level.clone().ok_or(NO_LEVEL)?);
+    let test = test(context)?;
+    let level = context.base.level.clone().ok_or(NO_LEVEL)?;
     if level.len() < context.record.samples(LEAST_S) {
         return Err("the base run has less than 20 s at full level");
     }
@@ -329,7 +331,8 @@ fn schedule(context: &Context<'_>) -> Judged {
     let (test, _) = at_level(context)?;
     const STEP_S: f64 = 0.25;
     let record = context.record;
-    let (window, step) = (record.samples(1.0), record.samples(STEP_S).max(1));
+    let window = record.samples(1.0);
+    let step = record.samples(STEP_S).max(1);
     let levels: Vec<f64> =
         running_rms(&record.reading, window).iter().step_by(step).map(|rms| db(rms / demand(test))).collect();
     let rising = levels.iter().skip_while(|level| **level <= -20.0).take_while(|level| **level <= -2.0);
@@ -497,7 +500,8 @@ fn aborts(context: &Context<'_>) -> Judged {
 
 fn equalises(context: &Context<'_>) -> Judged {
     context.check_driven()?;
-    let (test, record) = (test(context)?, context.record);
+    let test = test(context)?;
+    let record = context.record;
     let end = context.stimulus + record.samples(RECOVERY_S);
     let Some(last) = record.reading.get(end - record.samples(RECOVERED_S)..end) else {
         return Err(if record.is_ended() {
@@ -525,7 +529,8 @@ fn gives_up(context: &Context<'_>) -> Judged {
 }
 
 fn limits_drive(context: &Context<'_>) -> Judged {
-    let (seconds, limit_n) = (after_level_s(context)?, context.specification.limits.drive_peak_n.ok_or(NO_LEVEL)?);
+    let seconds = after_level_s(context)?;
+    let limit_n = context.specification.limits.drive_peak_n.ok_or(NO_LEVEL)?;
     // Commands are rounded to counts of the protocol.
     const COUNT_N: f64 = 0.02;
     let peak_n = context.record.peak(0, context.record.len());
@@ -572,7 +577,9 @@ fn restarts(context: &Context<'_>) -> Judged {
 fn bridges(context: &Context<'_>) -> Judged {
     const AFTER_S: f64 = 8.0;
     context.check_driven()?;
-    let (test, record, from) = (test(context)?, context.record, context.stimulus);
+    let test = test(context)?;
+    let record = context.record;
+    let from = context.stimulus;
     let before = record.peak(from.saturating_sub(record.samples(SETTLE_S)), from);
     let to = (from + record.samples(AFTER_S)).min(record.len());
     // The structure rings by itself when its drive is held and let go.
@@ -616,7 +623,8 @@ pub(crate) fn response_limit(
     response: &[f64],
     below_db: f64,
 ) -> Option<[[f64; 2]; 2]> {
-    let (level, rate_hz) = (base.level.clone()?, base.record.rate_hz);
+    let level = base.level.clone()?;
+    let rate_hz = base.record.rate_hz;
     let (length, lines) = segment(test, rate_hz);
     let segments = Segments::new(response.get(level)?, length, length / 2, lines);
     let largest = segments.powers().into_iter().fold(0.0, f64::max);

@@ -163,7 +163,8 @@ fn amplitude(context: &Context<'_>) -> Judged {
     let Ok((test, found)) = found(context) else { return no_sweep(context) };
     // Instants are as far apart as the filter is long, which is inversely proportional to the frequency.
     let [within, all] = found.points.iter().fold([0.0, 0.0], |[within, all], point| {
-        let (error, time) = (point.tracked_m_s2 / point.demand_m_s2 - 1.0, 1.0 / point.frequency_hz);
+        let error = point.tracked_m_s2 / point.demand_m_s2 - 1.0;
+        let time = 1.0 / point.frequency_hz;
         let is_within = error.abs() <= test.tolerance || (point.is_limited && error < 0.0);
         [if is_within { within + time } else { within }, all + time]
     });
@@ -312,9 +313,11 @@ fn bridges(context: &Context<'_>) -> Judged {
     const MOST_AFTER_GAP: f64 = 1.6;
     context.check_driven()?;
     let (test, _) = found(context)?;
-    let (record, from) = (context.record, context.stimulus);
+    let record = context.record;
+    let from = context.stimulus;
     let to = (from + record.samples(AFTER_S)).min(record.len());
-    let ([first, _], [last, _]) = (at(context, from)?, at(context, to)?);
+    let [first, _] = at(context, from)?;
+    let [last, _] = at(context, to)?;
     let back = (from + record.samples(GAP_S)).min(to);
     let peak = |range| record.reading.get(range).map_or(0.0, largest) / first.max(last);
     let driven_s = record.drive_end().saturating_sub(from) as f64 / record.rate_hz;

@@ -45,7 +45,8 @@ impl Segments {
     pub fn variance(&self) -> f64 {
         let count = self.count() as f64;
         let lines = self.lines.first().map_or(0, Vec::len);
-        let (mut squares, mut values) = (0.0, 0.0);
+        let mut squares = 0.0;
+        let mut values = 0.0;
         for line in 0..lines {
             let powers = || self.lines.iter().map(|segment| segment[line].norm_sqr());
             let mean = powers().sum::<f64>() / count;

@@ -180,7 +180,8 @@ mod tests {
     #[test]
     fn kernel_messages_say_how_to_fix() {
         assert_snapshot!(BusError::NoSocketCan { source: source(libc::EAFNOSUPPORT) }, @"this kernel does not provide SocketCAN (Address family not supported by protocol (os error 97)). Load it with `sudo modprobe -a can can_raw vcan` (in a container: on its host); if the kernel was built without CAN, install one that has it. `resonarm demo` needs no SocketCAN");
-        let (interface, action) = ("can0".to_string(), "opening the socket");
+        let interface = "can0".to_string();
+        let action = "opening the socket";
         assert_snapshot!(BusError::Permission { interface, action, source: source(libc::EPERM) }, @"can0: opening the socket is not permitted (Operation not permitted (os error 1)). SocketCAN needs no privileges, so a sandbox denies the call: allow AF_CAN in its seccomp profile (systemd: RestrictAddressFamilies)");
         let interface = "can0".to_string();
         assert_snapshot!(BusError::Os { interface, action: "sending", source: source(libc::EIO) }, @"can0: sending failed: Input/output error (os error 5)");

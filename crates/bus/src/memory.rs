@@ -232,7 +232,9 @@ impl Bus for MemoryBus {
 
     fn statistics(&self) -> Statistics {
         let MemoryBus { sender, receiver, .. } = self;
-        let (received, sent, dropped) = (receiver.received, sender.sent, receiver.dropped());
+        let received = receiver.received;
+        let sent = sender.sent;
+        let dropped = receiver.dropped();
         Statistics { received, sent, dropped, ..Statistics::default() }
     }
 

@@ -89,7 +89,8 @@ pub(super) fn remote_frames(t: &mut Tester) -> Result<(), Stop> {
     t.run_ns(MARGIN_NS)?;
     let count = |heard: &[Heard], kind| heard.iter().filter(|heard| heard.message.kind() == kind).count() as u64;
     for kind in kinds.into_iter().filter(|kind| kind.sender() == t.tested) {
-        let (without, with) = (count(&t.heard[before..from], kind), count(&t.heard[from..], kind));
+        let without = count(&t.heard[before..from], kind);
+        let with = count(&t.heard[from..], kind);
         let is_answered = match kind.cycle() {
             Cycle::Sample => indices(&t.heard[before..], kind).windows(2).any(|two| two[0] == two[1]),
             // By its events a node may send twice as much by chance; an answer to every second remote frame is no
@@ -126,7 +127,8 @@ pub(super) fn hello(t: &mut Tester) -> Result<(), Stop> {
         answered => answered?,
     };
     if let Some(mismatch) = t.hello.mismatch(&theirs) {
-        let (theirs, own) = (described(&theirs), described(&t.hello));
+        let theirs = described(&theirs);
+        let own = described(&t.hello);
         return wrong(format!("its hello is incompatible with this program's ({mismatch}): {theirs}, expected {own}"));
     }
     if theirs.rate_hz < REAL_TIME_RATE_MIN_HZ {

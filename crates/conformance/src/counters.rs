@@ -47,7 +47,8 @@ impl Counters {
             Err(DecodeError::Counter { kind, .. }) => (*kind, None),
             Ok(None) | Err(_) => return,
         };
-        let (data, protection) = (frame.data(), kind.form(network.profile()).and_then(|form| form.protection));
+        let data = frame.data();
+        let protection = kind.form(network.profile()).and_then(|form| form.protection);
         match protection {
             // Profile 11 has the counter in the lower half of byte 1, profile 5 in byte 2.
             Some(Protection::Profile11) => self.step(kind, Protection::Profile11, data[1] & 0xF, sample),
@@ -58,7 +59,8 @@ impl Counters {
 
     fn boot(&mut self) {
         for steps in &mut self.steps {
-            (steps.last, steps.is_first) = (None, true);
+            steps.last = None;
+            steps.is_first = true;
         }
     }
 

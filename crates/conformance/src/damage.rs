@@ -67,7 +67,8 @@ impl Damage {
     }
 
     fn spoil(self, network: Network, frame: &Frame, n: u64) -> Result<Frame, FrameError> {
-        let (mut data, is_classic) = (frame.data().to_vec(), frame.format() == FrameFormat::Classic);
+        let mut data = frame.data().to_vec();
+        let is_classic = frame.format() == FrameFormat::Classic;
         let bits = 8 * data.len() as u64;
         match self {
             Damage::Bit => {

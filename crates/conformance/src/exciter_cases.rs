@@ -85,7 +85,8 @@ pub(super) fn plant_in_fault(t: &mut Tester) -> Result<(), Stop> {
 /// Each whole sample is answered once, with its index.
 pub(super) fn answers(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
-    let (from, first) = (t.heard.len(), t.source.index);
+    let from = t.heard.len();
+    let first = t.source.index;
     t.run_ns(300 * MS)?;
     let sent = t.source.index.wrapping_sub(first);
     let awaited = t.source.index;
@@ -131,7 +132,8 @@ fn await_answers(t: &mut Tester) -> Result<(), Stop> {
 
 /// Few awaited samples may remain without an answer: the exciter was held up for longer than it is waited for.
 fn judge_awaited(answers: &Answered) -> Result<(), Stop> {
-    let (missing, sent) = (answers.missing(), answers.sent);
+    let missing = answers.missing();
+    let sent = answers.sent;
     if let Some(distance) = answers.distance() {
         return wrong(format!(
             "of {sent} samples it leaves {missing} without an answer within {}, at a regular distance of {distance} samples",
@@ -247,7 +249,8 @@ pub(super) fn plant_emergency(t: &mut Tester) -> Result<(), Stop> {
 
 /// Samples that are incomplete or damaged are not answered; those after them are.
 fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
-    let (from, bad) = (t.heard.len(), t.source.index);
+    let from = t.heard.len();
+    let bad = t.source.index;
     let period_ns = sample_period_ns(t.hello.rate_hz);
     t.source.samples = samples;
     // Three bad samples by their index, however long the tester is held up.
@@ -261,7 +264,8 @@ fn unanswered(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
         return failed(format!("it faults: {e}"));
     }
     let answered = commands(t, from);
-    let (n_bad, now) = (good.wrapping_sub(bad), t.source.index);
+    let n_bad = good.wrapping_sub(bad);
+    let now = t.source.index;
     if let Some(wrong) = answered.iter().find(|sample| sample.wrapping_sub(bad) < n_bad) {
         return failed(format!("it answers sample {wrong}"));
     }
@@ -308,7 +312,8 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
 /// A repeated sample is answered once; ten repetitions are a fault.
 pub(super) fn repeated_samples(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
-    let (from, index) = (t.heard.len(), t.source.index);
+    let from = t.heard.len();
+    let index = t.source.index;
     t.source.samples = Samples::Standing;
     faults(t, HEARTBEAT_TIMEOUT_NS, EmergencyCode::SampleSequence)?;
     match commands(t, from).iter().filter(|sample| **sample == index).count() {
@@ -375,7 +380,8 @@ pub(super) fn state_changes(t: &mut Tester) -> Result<(), Stop> {
     };
     let armed = place(&is_arm, 0);
     let operational = place(&|message| is_state(message, NodeState::Operational), armed);
-    let (early, most) = (commands_of(&t.heard[armed..operational]).count(), ANSWERS_AT_ONCE_NS / period_ns(t) + 4);
+    let early = commands_of(&t.heard[armed..operational]).count();
+    let most = ANSWERS_AT_ONCE_NS / period_ns(t) + 4;
     t.note(format!("{early} samples answered before its heartbeat operational"));
     if early as u64 > most {
         return failed(format!("it answers {early} samples before its heartbeat operational, which comes at once"));

@@ -47,7 +47,8 @@ pub(super) fn begin_with(t: &mut Tester, samples: Samples) -> Result<(), Stop> {
     }
     t.run_ns(100 * MS)?;
     // Its answers don't count either.
-    (t.source.unsent, t.source.wrong) = (None, None);
+    t.source.unsent = None;
+    t.source.wrong = None;
     Ok(())
 }
 

@@ -70,7 +70,8 @@ impl BusLoad {
 
 /// A frame that neither SPEC.md nor CiA 301 uses: below or above all identifiers in use.
 fn foreign(noise: &mut Noise) -> Result<Frame, FrameError> {
-    let (choice, data) = (noise.bits(), noise.bits().to_le_bytes());
+    let choice = noise.bits();
+    let data = noise.bits().to_le_bytes();
     // Half of the frames win the arbitration against all of the network's, and half lose it.
     let id = if choice & 1 == 0 { 0x001 + (choice >> 1) % 0x7F } else { 0x7F0 + (choice >> 1) % 0x10 };
     Frame::classic(Id::Standard(id as u16), &data)

@@ -118,7 +118,8 @@ pub(super) fn exciter_answers(t: &mut Tester) -> Result<(), Stop> {
     t.run_ns(300 * MS)?;
     t.check_frames()?;
     let answered = commands(t, from);
-    let (awaited, last) = (t.source.index.wrapping_sub(1), commands_of(&t.heard[begun..]).last());
+    let awaited = t.source.index.wrapping_sub(1);
+    let last = commands_of(&t.heard[begun..]).last();
     t.note(format!("{} samples answered in {}", answered.len(), ms(300 * MS)));
     if let Some(sample) = t.source.unsent {
         return failed(format!("it answers sample {sample} before that is sent"));

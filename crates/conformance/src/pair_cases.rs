@@ -39,7 +39,8 @@ pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     for (n, frame) in frames[first..].iter().enumerate() {
         let wanted = (start.wrapping_add(2 * n as u16), SamplesPerFrame::Two);
         if *frame != wanted {
-            let (index, samples) = (frame.0, frame.1 as u8);
+            let index = frame.0;
+            let samples = frame.1 as u8;
             let wanted = wanted.0;
             return failed(format!(
                 "received a frame of {samples} samples from {index} on, expected the pair from {wanted} on"
@@ -70,10 +71,12 @@ pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     t.run_ns(100 * MS)?;
     can(t)?;
     begin_with(t, Samples::Pairs)?;
-    let (from, first) = (t.heard.len(), t.source.index);
+    let from = t.heard.len();
+    let first = t.source.index;
     t.run_ns(300 * MS)?;
     t.check_frames()?;
-    let (answered, sent) = (commands(t, from), t.source.index.wrapping_sub(first));
+    let answered = commands(t, from);
+    let sent = t.source.index.wrapping_sub(first);
     if let Some(sample) = answered.iter().find(|sample| sample.is_multiple_of(2)) {
         return failed(format!("it answers sample {sample}, the first of a pair"));
     }

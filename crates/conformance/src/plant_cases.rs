@@ -269,13 +269,15 @@ pub(super) fn not_armed(t: &mut Tester) -> Result<(), Stop> {
 pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     drive(t)?;
     t.answers = Answers::None;
-    let (from, last) = (t.heard.len(), t.answered.unwrap_or(0));
+    let from = t.heard.len();
+    let last = t.answered.unwrap_or(0);
     let text = format!("no emergency {} after the last command", ms(timeout_ns(t)));
     let (_, e) = t.expect_emergency(timeout_ns(t), EmergencyCode::CommandTimeout, text)?;
     if e.code != EmergencyCode::CommandTimeout {
         return instead(&e, "without commands");
     }
-    let (age, wanted) = (e.sample.wrapping_sub(last), samples(t, COMMAND_TIMEOUT_NS));
+    let age = e.sample.wrapping_sub(last);
+    let wanted = samples(t, COMMAND_TIMEOUT_NS);
     // A plant that catches up makes up to 3 samples at once; the last command may be late by the tester's hold-up.
     let most = wanted + 4;
     let text = format!("it faults {age} samples after the last command, not {wanted} to {most}");
@@ -313,7 +315,8 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
 
 /// The ramp from the sample at which the plant left operational.
 pub(super) fn ramps(t: &mut Tester, from: usize, left_at: u16) -> Result<(), Stop> {
-    let (force_n, steps) = (t.settings.force_n, samples(t, FORCE_RAMP_NS));
+    let force_n = t.settings.force_n;
+    let steps = samples(t, FORCE_RAMP_NS);
     // On the wire, the end of operational is known to a few samples.
     let slack_n = force_n * (0.15 + 3.0 / f64::from(steps));
     let mut after = 0;

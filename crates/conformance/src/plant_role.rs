@@ -86,7 +86,8 @@ pub(super) fn instead<T>(e: &Emergency, when: &str) -> Result<T, Stop> {
 
 /// Lets the plant make so many samples.
 pub(super) fn run_samples(t: &mut Tester, n: u16) -> Result<(), Stop> {
-    let (from, period_ns) = (t.heard.len(), period_ns(t));
+    let from = t.heard.len();
+    let period_ns = period_ns(t);
     // The samples are counted and not the time: a plant that is held up makes them later.
     let give_up_ns = t.now_ns() + u64::from(n) * period_ns + GONE_NS;
     while forces(t, from).count() < usize::from(n) {

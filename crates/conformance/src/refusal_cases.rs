@@ -99,7 +99,8 @@ pub(super) fn too_fast(t: &mut Tester) -> Result<(), Stop> {
         return skipped("no rate of change is given that the plant must reject (--beyond-n-per-s)");
     };
     drive(t)?;
-    let (force_n, jump_n) = (t.settings.force_n, beyond_n_per_s / f64::from(t.hello.rate_hz));
+    let force_n = t.settings.force_n;
+    let jump_n = beyond_n_per_s / f64::from(t.hello.rate_hz);
     if jump_n < 2.0 * force_n {
         let least = 2.0 * force_n * f64::from(t.hello.rate_hz);
         return skipped(format!(
@@ -127,7 +128,8 @@ pub(super) fn too_far(t: &mut Tester) -> Result<(), Stop> {
         return skipped("no force is given that drives the plant beyond a travel (--beyond-travel-n)");
     };
     meet(t)?;
-    let (from, force_n) = (t.heard.len(), t.settings.force_n);
+    let from = t.heard.len();
+    let force_n = t.settings.force_n;
     // An arm that still rings from an earlier try may exceed the travel at once.
     arm(t, Answers::Force(force_n))?;
     let word = |heard: &Heard| emergency(&heard.message);

@@ -21,7 +21,8 @@ type Marked = (f64, f64, bool);
 pub(super) fn plant(t: &mut Tester) -> Result<(), Stop> {
     let from = t.heard.len();
     drive(t)?;
-    let (mut marked, mut unmarked) = (0, 0);
+    let mut marked = 0;
+    let mut unmarked = 0;
     for heard in &t.heard[from..] {
         for (value, end, is_saturated) in readings(&heard.message) {
             marked += usize::from(is_saturated);
@@ -58,7 +59,8 @@ fn singles(values: &SensorValues) -> Vec<Marked> {
 /// Samples with clipped readings are complete: they are answered, or the plant is disarmed.
 pub(super) fn exciter(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
-    let (from, first) = (t.heard.len(), t.source.index);
+    let from = t.heard.len();
+    let first = t.source.index;
     t.source.samples = Samples::Clipped;
     t.run_ns(2 * MARGIN_NS)?;
     if let Some(e) = t.heard[from..].iter().find_map(|heard| emergency(&heard.message)) {

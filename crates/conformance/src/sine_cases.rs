@@ -159,7 +159,8 @@ fn has_ended(t: &Tester, from: usize) -> bool {
 /// Judges frequency and sign of the sine that the commands are from index `from` of the log on. Times are those of the
 /// samples, so that no hold-up changes them.
 fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_hz: f64) -> Result<(), Stop> {
-    let (axis, until) = (wanted.axis(), t.heard.len());
+    let axis = wanted.axis();
+    let until = t.heard.len();
     t.run_ns(WATCH_NS)?;
     // If the sine ends meanwhile, the time in which it was seen has to do.
     let until = if has_ended(t, from) { until } else { t.heard.len() };
@@ -170,7 +171,8 @@ fn judge_time_and_sign(t: &mut Tester, wanted: &ExpectedSine, from: usize, rate_
     let Some((fit, deviation_hz)) = refined(&all[all.len().saturating_sub(seen)..], wanted.frequency_hz) else {
         return inconclusive("too few commands were received for a fit");
     };
-    let (unit, frequency_hz) = (axis.unit, wanted.frequency_hz);
+    let unit = axis.unit;
+    let frequency_hz = wanted.frequency_hz;
     let ppm = |hz: f64| 1e6 * hz / frequency_hz;
     let off_hz = fit.frequency_hz - frequency_hz;
     let stated = format!(
@@ -274,7 +276,8 @@ fn fit(points: &[(f64, f64)], frequency_hz: f64) -> Option<Fit> {
         let (sin, cos) = libm::sincos(TAU * frequency_hz * time_s);
         [cos, sin, 1.0]
     };
-    let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+    let mut matrix = [[0.0; 3]; 3];
+    let mut right = [0.0; 3];
     for (time_s, value) in points {
         let row = basis(*time_s);
         for i in 0..3 {
@@ -365,8 +368,11 @@ fn sine_at(points: &[(f64, f64)], frequency_hz: f64, rate_hz: f64) -> Option<Fit
 
 /// Describes the commands, with the usual mistake that explains them, if one does.
 fn explained(t: &Tester, wanted: &ExpectedSine, got: Fit, from: usize, rate_hz: f64) -> String {
-    let (axis, amplitude, frequency_hz) = (wanted.axis(), wanted.amplitude(), wanted.frequency_hz);
-    let (heard, unit) = (&t.heard[from..], axis.unit);
+    let axis = wanted.axis();
+    let amplitude = wanted.amplitude();
+    let frequency_hz = wanted.frequency_hz;
+    let heard = &t.heard[from..];
+    let unit = axis.unit;
     let expected = format!("expected {amplitude} {unit} at {frequency_hz} Hz along {}", axis.name);
     let own = points(heard, axis, rate_hz);
     let (min, max) = range(&own);

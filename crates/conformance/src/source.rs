@@ -67,12 +67,14 @@ impl Source {
 
     /// Sends samples of this kind from now on.
     pub fn begin(&mut self, samples: Samples) {
-        (self.samples, self.due_ns) = (samples, 0);
+        self.samples = samples;
+        self.due_ns = 0;
     }
 
     /// Sends samples of this kind, and follows a request to arm; awaited samples wait for that.
     pub fn arm_with(&mut self, samples: Samples) {
-        (self.arms, self.samples) = (true, samples);
+        self.arms = true;
+        self.samples = samples;
         if samples == Samples::Awaited {
             self.due_ns = u64::MAX;
         }

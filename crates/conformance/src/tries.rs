@@ -133,7 +133,9 @@ pub(super) fn tries(
     mut attempt: impl FnMut(&mut dyn Wire) -> Result<Try, BusError>,
 ) -> Result<Finding, BusError> {
     let start_ns = wire.now_ns();
-    let (mut tries, mut slow, mut chance) = (0, 0, 0);
+    let mut tries = 0;
+    let mut slow = 0;
+    let mut chance = 0;
     let mut slow_text = String::new();
     loop {
         tries += 1;
@@ -143,7 +145,8 @@ pub(super) fn tries(
         // explains it.
         let says_nothing = match &result {
             TryResult::Slow(text) => {
-                (slow, slow_text) = (slow + 1, text.clone());
+                slow += 1;
+                slow_text = text.clone();
                 slow < SLOW_TRIES
             }
             TryResult::Chance(_) => {

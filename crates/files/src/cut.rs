@@ -58,7 +58,8 @@ pub fn merge(recordings: &[&Recording], path: &Path, existing: Existing) -> Resu
 
 /// Rejects a recording that is not of the same run, or has no later samples than `last`.
 fn check_follows(before: &Recording, behind: &Recording, last: Option<(u64, u64)>) -> Result<(), RecordingError> {
-    let (ours, theirs) = (before.origin(), behind.origin());
+    let ours = before.origin();
+    let theirs = behind.origin();
     let (expected, got) = match (last, behind.summary().samples) {
         _ if ours.dt_s.to_bits() != theirs.dt_s.to_bits() => {
             let period = |dt_s: f64| format!("the sample period {} s", short(&dt_s));
@@ -114,7 +115,8 @@ fn join(
     let recorder = Recorder::create(path, &configuration(first, plant), options(first, existing))?;
     let mut channel = recorder.channel("cut", CAPACITY)?;
     // The recorder of an empty selection is dropped without a record, and leaves no file.
-    let (mut names, mut is_empty) = (Names::default(), true);
+    let mut names = Names::default();
+    let mut is_empty = true;
     for recording in recordings {
         for record in recording.records()? {
             let record = record?;

@@ -127,7 +127,8 @@ fn rows<'r>(
     part: RecordingPart,
     samples: &RangeInclusive<u64>,
 ) -> Result<impl Iterator<Item = Result<Row, RecordingError>> + use<'r>, RecordingError> {
-    let (samples, mut count) = (samples.clone(), 0);
+    let samples = samples.clone();
+    let mut count = 0;
     Ok(recording.records()?.filter_map(move |record| {
         let row = record.map(|record| row(part, &record).filter(|row| samples.contains(&row.sample)));
         row.transpose().map(|row| {
@@ -161,7 +162,8 @@ fn row(part: RecordingPart, record: &Record<String>) -> Option<Row> {
 
 /// Describes the readings that are marked.
 fn marks(readings: &SampleRecord) -> String {
-    let (bits, own) = (readings.clipped_bits(), READINGS.len());
+    let bits = readings.clipped_bits();
+    let own = READINGS.len();
     let name = |place: usize| match READINGS.get(place) {
         Some(channel) => channel.name.to_string(),
         None => format!("reading {} of the other sensors", place - own + 1),
@@ -186,8 +188,10 @@ fn compare(
         channels,
         part: PartDifference { part: part.name(), ..PartDifference::default() },
     };
-    let (mut ours, mut theirs) = (rows(a, part, &options.samples)?, rows(b, part, &options.samples)?);
-    let (mut left, mut right) = (ours.next().transpose()?, theirs.next().transpose()?);
+    let mut ours = rows(a, part, &options.samples)?;
+    let mut theirs = rows(b, part, &options.samples)?;
+    let mut left = ours.next().transpose()?;
+    let mut right = theirs.next().transpose()?;
     loop {
         // A merge of two sequences whose keys rise: whichever key is smaller has no partner in the other recording.
         let order = match (&left, &right) {
@@ -248,7 +252,8 @@ impl Found {
     fn take(&mut self, part: RecordingPart, left: &Row, right: &Row) {
         self.part.compared += 1;
         let sample = left.sample;
-        let (a, b) = (&left.text, &right.text);
+        let a = &left.text;
+        let b = &right.text;
         if a != b {
             let what = match part {
                 RecordingPart::States => "is_end",
@@ -269,7 +274,8 @@ impl Found {
             }
             let apart = (a - b).abs();
             if apart > channel.largest {
-                (channel.largest, channel.sample) = (apart, sample);
+                channel.largest = apart;
+                channel.sample = sample;
             }
             // At a tolerance of 0 every bit counts. The comparison alone would accept 0 against −0, whose distance is
             // 0.
@@ -284,7 +290,8 @@ impl Found {
 
 /// Returns the entries in which two recordings describe themselves differently.
 fn configuration(a: &Recording, b: &Recording) -> Vec<KeyDifference> {
-    let (a, b) = (entries(a), entries(b));
+    let a = entries(a);
+    let b = entries(b);
     let mut keys: Vec<_> = a.keys().chain(b.keys()).collect();
     keys.sort_unstable();
     keys.dedup();

@@ -197,7 +197,8 @@ mod tests {
                 (&drawing.points[..], &drawing.lines[..]),
                 (&["joint1", "joint2", "tip"].map(String::from)[..], &[vec![0, 1, 2]][..])
             );
-            let (first, second) = (beta1_deg.to_radians() + 0.06, (beta1_deg + beta2_deg).to_radians() + 0.04);
+            let first = beta1_deg.to_radians() + 0.06;
+            let second = (beta1_deg + beta2_deg).to_radians() + 0.04;
             let elbow = [0.63 * libm::cos(first), 0.63 * libm::sin(first), 0.0];
             let tip = [elbow[0] + 0.6 * libm::cos(second), elbow[1] + 0.6 * libm::sin(second), 0.0];
             near(&drawing.positions_m(&[3e-3, -1e-3], 20.0), &[[0.0; 3], elbow, tip]);

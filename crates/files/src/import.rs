@@ -276,7 +276,8 @@ impl FrameLog {
         };
         let recorder = Recorder::create(path, &configuration, options)?;
         let channel = recorder.channel("log", CAPACITY)?;
-        let (log, first_ns) = (log.to_path_buf(), first.time_ns);
+        let log = log.to_path_buf();
+        let first_ns = first.time_ns;
         Ok(FrameLog { recorder, channel, log, network, is_known, is_usual: false, wire, rate_hz, first_ns, frames: 0 })
     }
 
@@ -395,7 +396,8 @@ pub fn import_converted(
         let time_ns = written.push(&logged)?;
         imported.duration_s = imported.duration_s.max(time_ns as f64 * 1e-9);
     }
-    (imported.others, imported.unreadable) = (frames.others, frames.unreadable);
+    imported.others = frames.others;
+    imported.unreadable = frames.unreadable;
     imported.first_unreadable = frames.first_unreadable.map(|error| error.to_string());
     (imported.frames, imported.wire) = written.finish()?;
     Ok(imported)

@@ -233,7 +233,8 @@ pub fn judge(
     recording: &Recording,
     options: &JudgeOptions,
 ) -> Result<Judged, JudgeError> {
-    let (test, limits) = (&specification.test, &specification.limits);
+    let test = &specification.test;
+    let limits = &specification.limits;
     if options.reference.is_some() && !matches!(test, Test::Sine(_)) {
         return Err(JudgeError::Reference);
     }
@@ -248,7 +249,8 @@ pub fn judge(
     let names: Vec<String> = named.iter().chain(responses).map(|name| channel_name(recording, name)).collect();
     let signals = Signals::read(recording, &names, options.range_s)?;
     if let Some(channel) = signals.channels.iter().find(|channel| channel.quantity != Quantity::Acceleration) {
-        let (name, unit) = (channel.name.to_string(), channel.quantity.unit());
+        let name = channel.name.to_string();
+        let unit = channel.quantity.unit();
         return Err(JudgeError::NotAcceleration { name, unit });
     }
     // A vector stands for several control channels; those of the limits come last.

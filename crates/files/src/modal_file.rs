@@ -188,7 +188,8 @@ impl ModalFile {
     ) -> io::Result<()> {
         let FileMode { pole_rad_s, shape, modal_mass_kg } = mode;
         let size = libm::hypot(pole_rad_s.re, pole_rad_s.im);
-        let (frequency_hz, damping_ratio) = (size / core::f64::consts::TAU, -pole_rad_s.re / size);
+        let frequency_hz = size / core::f64::consts::TAU;
+        let damping_ratio = -pole_rad_s.re / size;
         let mass = modal_mass_kg.map_or(String::from("shape without a scale: its modal mass is unknown"), |mass_kg| {
             format!("modal mass 1 kg; {mass_kg:.6} kg of the shape that is 1 at the driving point")
         });

@@ -297,8 +297,12 @@ pub fn read_responses(path: &Path) -> Result<MeasuredResponses, ResponsesError> 
 pub fn responses_of(bytes: &[u8], path: &Path) -> Result<MeasuredResponses, ResponsesError> {
     let mut lines = Lines { bytes };
     let mut found: Option<MeasuredResponses> = None;
-    let (mut units, mut number, mut others) = (Units { length: 1.0, force: 1.0 }, 0, Others::default());
-    let (mut nodes, mut traces, mut edges) = (BTreeMap::new(), Vec::new(), BTreeSet::new());
+    let mut units = Units { length: 1.0, force: 1.0 };
+    let mut number = 0;
+    let mut others = Others::default();
+    let mut nodes = BTreeMap::new();
+    let mut traces = Vec::new();
+    let mut edges = BTreeSet::new();
     while let Some(line) = lines.next() {
         if line.trim() != DELIMITER {
             continue;
@@ -391,7 +395,8 @@ impl Units {
     /// Reads the body of dataset 164.
     fn read(path: &Path, body: &str) -> Result<Units, ResponsesError> {
         let factors = body.lines().nth(1).and_then(|line| numbers(line, "the units").ok()).unwrap_or_default();
-        let (length, force) = (factors.first().copied().unwrap_or(0.0), factors.get(1).copied().unwrap_or(0.0));
+        let length = factors.first().copied().unwrap_or(0.0);
+        let force = factors.get(1).copied().unwrap_or(0.0);
         if length > 0.0 && force > 0.0 {
             Ok(Units { length, force })
         } else {
@@ -433,7 +438,9 @@ fn add_edges(edges: &mut BTreeSet<[i64; 2]>, body: &str) -> Result<(), ResponseF
             let expected = "its number, its kind, two properties, a colour and the number of its nodes";
             return Err(ResponseFault::Numbers { what: "an element", got: line.trim().to_owned(), expected });
         };
-        let (element, kind, expected) = (element as i64, kind as i64, count as usize);
+        let element = element as i64;
+        let kind = kind as i64;
+        let expected = count as usize;
         if RODS_AND_BEAMS.contains(&kind) {
             lines.next();
         }
@@ -575,7 +582,8 @@ fn function(
     // Without equal steps each value has its frequency before it.
     let is_listed = number::<i64>(header, 6, 20..30)? != 1;
     let numbers_of_value = if is_listed { 3 } else { 2 };
-    let (first_hz, step_hz) = (number(header, 6, 30..43)?, number(header, 6, 43..56)?);
+    let first_hz = number(header, 6, 30..43)?;
+    let step_hz = number(header, 6, 43..56)?;
     let is_double = match kind {
         5 => false,
         6 => true,
@@ -630,7 +638,8 @@ fn function(
 fn first_and_step(listed_hz: &[f64]) -> Result<(f64, f64), ResponseFault> {
     let [first, .., last] = listed_hz else { return Ok((listed_hz.first().copied().unwrap_or(0.0), 0.0)) };
     let steps = || listed_hz.windows(2).map(|pair| pair[1] - pair[0]);
-    let (least, most) = (steps().fold(f64::INFINITY, f64::min), steps().fold(f64::NEG_INFINITY, f64::max));
+    let least = steps().fold(f64::INFINITY, f64::min);
+    let most = steps().fold(f64::NEG_INFINITY, f64::max);
     if most - least <= SAME_STEP * most {
         Ok((*first, (last - first) / (listed_hz.len() - 1) as f64))
     } else {
@@ -642,7 +651,8 @@ fn first_and_step(listed_hz: &[f64]) -> Result<(f64, f64), ResponseFault> {
 fn binary_numbers(body: &[u8], words: &[&str], is_double: bool) -> Result<Vec<f64>, ResponseFault> {
     let stated = |place: usize| words.get(place).and_then(|word| word.parse::<i64>().ok()).unwrap_or(0);
     if stated(1) != 2 {
-        let (what, got) = ("binary numbers have the format", stated(1));
+        let what = "binary numbers have the format";
+        let got = stated(1);
         return Err(ResponseFault::Kind { what, got, expected: "IEEE 754, 2" });
     }
     let is_big = stated(0) == 2;
@@ -750,7 +760,8 @@ mod tests {
         #[test]
         fn damaged_files_do_no_harm(at in any::<prop::sample::Index>(), byte in any::<u8>(), length in 0_usize..3000) {
             let mut bytes = [GEOMETRY, &file()].concat().into_bytes();
-            let (place, whole) = (at.index(bytes.len()), bytes.len());
+            let place = at.index(bytes.len());
+            let whole = bytes.len();
             bytes[place] = byte;
             bytes.truncate(length);
             let cut = bytes.len() < whole - 8;

@@ -152,7 +152,8 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// Gives a new file the mode and the owner of the file that it will replace.
 fn take_mode_and_owner(file: &File, replaced: &fs::Metadata) -> io::Result<()> {
     let new = file.metadata()?;
-    let (user, group) = (replaced.uid(), replaced.gid());
+    let user = replaced.uid();
+    let group = replaced.gid();
     if (new.uid(), new.gid()) != (user, group) {
         fchown(file, Some(user), Some(group)).map_err(|error| {
             let what = format!(
@@ -260,7 +261,8 @@ mod tests {
     #[test]
     fn behind_a_link_the_file_is_replaced_that_it_names() {
         let folder = tempfile::tempdir().unwrap();
-        let (path, link) = (folder.path().join("file"), folder.path().join("link"));
+        let path = folder.path().join("file");
+        let link = folder.path().join("link");
         fs::write(&path, "old").unwrap();
         std::os::unix::fs::symlink(&path, &link).unwrap();
         for create in [Staged::create, Staged::create_growing] {

@@ -143,13 +143,16 @@ impl Sums<'_> {
     fn add(&mut self, values: &[f64]) {
         self.count += 1;
         for ([least, largest, sum, squares], value) in self.sums.iter_mut().zip(values) {
-            (*least, *largest) = (least.min(*value), largest.max(*value));
-            (*sum, *squares) = (*sum + value, *squares + value * value);
+            *least = least.min(*value);
+            *largest = largest.max(*value);
+            *sum += value;
+            *squares += value * value;
         }
     }
 
     fn channels(&self) -> Vec<ChannelStatistics> {
-        let (count, names) = (self.count as f64, self.channels.iter().map(|channel| channel.name));
+        let count = self.count as f64;
+        let names = self.channels.iter().map(|channel| channel.name);
         let of = |(name, [least, largest, sum, squares]): (ChannelName, &[f64; 4])| ChannelStatistics {
             name,
             least: *least,

@@ -132,13 +132,15 @@ fn check_identifier(got: &str) -> Result<(), ImportError> {
     if !got.is_empty() && !got.starts_with('.') && is_word(got) {
         return Ok(());
     }
-    let (of, got) = (String::from("CoSimulation"), got.to_owned());
+    let of = String::from("CoSimulation");
+    let got = got.to_owned();
     Err(ImportError::Attribute { of, attribute: "modelIdentifier", got, expected: "a name of letters, digits and _" })
 }
 
 fn positive(of: &str, attribute: &'static str, text: &str) -> Result<f64, ImportError> {
     let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    let (of, got) = (of.to_owned(), text.to_owned());
+    let of = of.to_owned();
+    let got = text.to_owned();
     number.ok_or(ImportError::Attribute { of, attribute, got, expected: "a positive number" })
 }
 

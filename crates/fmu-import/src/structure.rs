@@ -63,7 +63,10 @@ impl Clone for Held {
     /// A copy at the start; of an FMU that has moved one that can't be stepped.
     fn clone(&self) -> Held {
         let run = if matches!(self.run, Run::AtStart) { Run::AtStart } else { Run::Lost };
-        let (set, read, next, kept) = (self.set.clone(), self.read.clone(), self.next.clone(), self.kept.clone());
+        let set = self.set.clone();
+        let read = self.read.clone();
+        let next = self.next.clone();
+        let kept = self.kept.clone();
         Held { source: Arc::clone(&self.source), run, set, read, next, kept, loads: None }
     }
 }
@@ -108,10 +111,12 @@ impl Held {
         }
         // Both are taken out of `self`, which `instance` borrows as a whole, and put back before an error is
         // returned.
-        let (set, mut next) = (core::mem::take(&mut self.set), core::mem::take(&mut self.next));
+        let set = core::mem::take(&mut self.set);
+        let mut next = core::mem::take(&mut self.next);
         let done =
             self.instance(t_s).and_then(|instance| instance.step(t_s, source.step_s, (changes, &set), &mut next));
-        (self.set, self.next) = (set, next);
+        self.set = set;
+        self.next = next;
         done?;
         core::mem::swap(&mut self.read, &mut self.next);
         self.loads = Some(*loads);
@@ -268,7 +273,8 @@ impl Structure for Sampled {
     }
 
     fn restore(&mut self, saved: &[f64]) -> Result<(), StructureError> {
-        let (states, all) = (self.states().len(), self.saved_len());
+        let states = self.states().len();
+        let all = self.saved_len();
         let got = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
         if got != saved.len() || (got != states && got != all) {
             return Err(StructureError::Saved { got, states, all });

@@ -68,7 +68,8 @@ pub(crate) fn read(root: &Node<'_, '_>) -> BTreeMap<String, Unit> {
             Some(text) => text.trim().parse().ok().filter(|number: &f64| number.is_finite()),
         };
         let known = base.and_then(|base| {
-            let (factor, offset) = (number(&base, "factor", 1.0)?, number(&base, "offset", 0.0)?);
+            let factor = number(&base, "factor", 1.0)?;
+            let offset = number(&base, "offset", 0.0)?;
             let mut exponents = [0; NAMES.len()];
             for (exponent, key) in exponents.iter_mut().zip(NAMES) {
                 *exponent = number(&base, key, 0.0)? as i32;

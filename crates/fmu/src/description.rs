@@ -23,7 +23,8 @@ pub(crate) fn model_description(name: &str, token: &str, content: &Content, vari
     let Settings { interface, role, .. } = content.settings;
     // Only the plant has states to save, and only those by signals have a form as bytes: `Model::save` and
     // `instance::saved`.
-    let (has_states, serializes) = (role == Role::Plant, interface == Interface::Signals);
+    let has_states = role == Role::Plant;
+    let serializes = interface == Interface::Signals;
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <fmiModelDescription fmiVersion=\"3.0\" modelName=\"{name}\" instantiationToken=\"{token}\" \

@@ -206,7 +206,8 @@ pub fn export(content: &Content, library: Library, path: &Path) -> Result<Summar
     let written = |source| ExportError::Write { path: path.to_path_buf(), source };
     let archive = pack(&files).map_err(written)?;
     write_whole(path, &archive).map_err(written)?;
-    let (path, bytes) = (path.to_path_buf(), archive.len() as u64);
+    let path = path.to_path_buf();
+    let bytes = archive.len() as u64;
     Ok(Summary { path, bytes, token, platform, variables: variables.len() })
 }
 

@@ -52,7 +52,8 @@ impl Node {
         let nominal_hz = network.bit_rate_hz.unwrap_or(BIT_RATE_HZ);
         // A scenario with one bit rate has it for the data of CAN FD frames as well.
         let rates = BitRates { nominal_hz, data_hz: network.data_bit_rate_hz.unwrap_or(nominal_hz) };
-        let (terminal, controller) = (Terminal::new("can", clock), Controller::default());
+        let terminal = Terminal::new("can", clock);
+        let controller = Controller::default();
         Ok(Node { end, terminal, controller, rates, now_ns: 0, samples: false, tape: None, session })
     }
 
@@ -256,8 +257,11 @@ impl Model for Node {
             tape.rewind(saved.mark.as_deref(), saved.plant.plant().sample())?;
         }
         let saved = (**saved).clone();
-        (self.end, self.terminal, self.controller) = (End::Plant(saved.plant), saved.terminal, saved.controller);
-        (self.now_ns, self.samples) = (saved.now_ns, saved.samples);
+        self.end = End::Plant(saved.plant);
+        self.terminal = saved.terminal;
+        self.controller = saved.controller;
+        self.now_ns = saved.now_ns;
+        self.samples = saved.samples;
         Ok(())
     }
 

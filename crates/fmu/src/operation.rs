@@ -132,7 +132,8 @@ pub(crate) fn read(name: &str, bytes: &[u8]) -> Result<Vec<Result<Operation, Ope
     let mut operations = Vec::new();
     let mut rest = bytes;
     while !rest.is_empty() {
-        let (at, got) = (bytes.len() - rest.len(), rest.len());
+        let at = bytes.len() - rest.len();
+        let got = rest.len();
         let truncated = |expected| Fault::Operation { name: name.to_string(), at, got, expected };
         let Some((head, _)) = rest.split_first_chunk::<HEAD>() else { return Err(truncated(HEAD)) };
         let [code, length] = [&head[..4], &head[4..]].map(|half| half.try_into().map_or(0, u32::from_le_bytes));

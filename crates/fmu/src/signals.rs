@@ -49,7 +49,8 @@ impl Signals {
         if let Some(held) = self.now.held {
             return Ok(held);
         }
-        let (load, exciter) = (Load::from_parts(inputs), self.now.plant.exciter());
+        let load = Load::from_parts(inputs);
+        let exciter = self.now.plant.exciter();
         if !exciter.can_produce(&load) {
             let (limit_n, limit_nm) = exciter.limits();
             return Err(Fault::Load { load, limit_n, limit_nm });

@@ -80,7 +80,8 @@ impl Terminal {
         self.ticks = ticks;
         if ticks {
             // The interval has passed: what is due next is said as a new one.
-            (self.due_ns, self.interval) = (None, None);
+            self.due_ns = None;
+            self.interval = None;
         }
     }
 
@@ -119,7 +120,8 @@ impl Terminal {
         // again.
         if self.due_ns != due_ns {
             let interval = |due_ns: u64| (due_ns.saturating_sub(now_ns) as f64 * 1e-9, true);
-            (self.due_ns, self.interval) = (due_ns, due_ns.map(interval));
+            self.due_ns = due_ns;
+            self.interval = due_ns.map(interval);
         }
     }
 

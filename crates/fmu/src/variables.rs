@@ -228,7 +228,8 @@ fn readings(outputs: &[Channel]) -> impl Iterator<Item = Variable> {
     ];
     GROUPS.into_iter().flat_map(move |(group, source, kind, what)| {
         outputs.iter().enumerate().map(move |(index, channel)| {
-            let (name, description) = (format!("{group}.{}", channel.name), format!("{}, {what}", words(channel)));
+            let name = format!("{group}.{}", channel.name);
+            let description = format!("{}, {what}", words(channel));
             // A truth value has no unit, whatever the reading that it is about.
             let unit = units::of(channel.quantity).filter(|_| kind == Kind::Float64);
             Variable { unit, ..variable(name, source(index), kind, Causality::Output, description) }
@@ -262,7 +263,8 @@ fn parameters(content: &Content) -> Vec<Variable> {
         ..variable(format!("parameter.{name}"), source, kind, Causality::Parameter, description)
     };
     let angles = scenario.structure.angles_deg.iter().enumerate().map(|(index, start)| {
-        let (name, start) = (format!("link{}.angle_deg", index + 1), format!("{start:?}"));
+        let name = format!("link{}.angle_deg", index + 1);
+        let start = format!("{start:?}");
         let description = "the angle of the link against the one before, with the spring of its joint relaxed";
         parameter(&name, Source::LinkAngle(index), Kind::Float64, start, Some(DEGREE), description)
     });
@@ -300,7 +302,8 @@ fn words(channel: &Channel) -> String {
         Quantity::Length => "deflection of the spring",
         Quantity::Branch => "branch of the law",
     };
-    let (point, axis) = (channel.point.name(), channel.axis.name());
+    let point = channel.point.name();
+    let axis = channel.axis.name();
     let along = match axis {
         "x" | "y" | "z" => format!(" along {axis}"),
         _ => String::new(),

@@ -148,7 +148,8 @@ mod tests {
     /// The page and the server use these limits; the controller must accept all values within them.
     #[test]
     fn set_points_within_the_limits_are_accepted_and_those_beyond_refused() {
-        let (limit, rate_hz) = (61.7, 333.3);
+        let limit = 61.7;
+        let rate_hz = 333.3;
         let scenario = Scenario::default();
         let under_test = UnderTest::new(&scenario, String::from("arm"), Default::default()).unwrap();
         let mut about = About::new("exciter", String::new(), &scenario, &under_test);

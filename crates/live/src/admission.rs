@@ -220,7 +220,8 @@ mod tests {
 
     #[test]
     fn tokens_differ_and_only_the_whole_one_matches() {
-        let (one, other) = (Token::new().unwrap(), Token::new().unwrap());
+        let one = Token::new().unwrap();
+        let other = Token::new().unwrap();
         assert_ne!(one.text(), other.text());
         assert_eq!(one.text().len(), 32);
         assert!(one.is(one.text()) && !one.is(other.text()) && !one.is("") && !one.is(&one.text()[1..]));

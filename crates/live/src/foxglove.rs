@@ -178,7 +178,8 @@ impl Stream {
                 self.ticks.append(tick);
             }
             Record::Event(Event { sample, time_ns, name, value }) => {
-                let (name, step) = (name.as_ref().to_owned(), *sample);
+                let name = name.as_ref().to_owned();
+                let step = *sample;
                 self.publish(Topic::Events, step, &proto::Event { step, time_ns: *time_ns, name, value: *value });
             }
             Record::Frame(frame) => {
@@ -252,7 +253,8 @@ fn time_ns((start_unix_ns, dt_s): (u64, f64), sample: u64) -> u64 {
 
 /// The first messages to a client.
 pub fn introduction(model: &Model, channels: &[Channel], session: &str) -> [Message; 2] {
-    let (about, table) = (&model.about, &model.under_test.table);
+    let about = &model.about;
+    let table = &model.under_test.table;
     // Without capabilities a client may neither publish nor call anything. The session tells a client that connects
     // again whether this is still the same run.
     let info = json!({

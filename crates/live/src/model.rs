@@ -200,7 +200,8 @@ impl Model {
         self.new.clear();
         self.events.clear();
         self.responses.clear();
-        (self.ticks, self.missed) = (Ticks::default(), Missed::default());
+        self.ticks = Ticks::default();
+        self.missed = Missed::default();
         self.status = NodeStatus { state: "unknown", fault: None };
         self.is_new = true;
         self.send(&PageMessage::Restarted);
@@ -333,7 +334,8 @@ impl Model {
         let force = [HEAD, FORCE, TORQUE].into_iter().find(|place| has(*place) || has(*place + 1)).unwrap_or(HEAD);
         let [c_x, c_y] = [ACCELERATION_C, ACCELERATION_C + 1];
         let shown = [force, force + 1, c_x, c_y].into_iter().filter_map(clipped_bit).sum::<u32>();
-        let (force, acceleration_c) = ([of(force), of(force + 1)], [of(c_x), of(c_y)]);
+        let force = [of(force), of(force + 1)];
+        let acceleration_c = [of(c_x), of(c_y)];
         let [x, y] = &acceleration_c;
         // One peak for both axes, so that it does not depend on the direction of the motion.
         let both: Vec<f32> = x.iter().zip(y).map(|(x, y)| x.hypot(*y)).collect();

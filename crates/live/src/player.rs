@@ -204,7 +204,8 @@ impl Playing {
         self.newest_read = 0;
         self.records = self.recording.records().inspect_err(log_error).ok();
         let records = self.take_due(sample + 1, sample.saturating_sub(self.kept()));
-        (self.position, self.sent_to) = (sample as f64, sample + 1);
+        self.position = sample as f64;
+        self.sent_to = sample + 1;
         self.send(Played::Moved { sample: self.shown(), records })?;
         self.take_responses(0)
     }
@@ -228,7 +229,8 @@ impl Playing {
             return self.seek(self.first);
         }
         // An order to play plays it once more.
-        (self.is_playing, self.times) = (false, Some(1));
+        self.is_playing = false;
+        self.times = Some(1);
         self.position = self.shown() as f64;
         self.send_status()
     }
@@ -286,7 +288,8 @@ mod tests {
     /// A player of a recording, at its first sample, and the receiver of what it sends.
     fn playing(play: Play) -> (Playing, mpsc::Receiver<Played>) {
         let recording = Recording::open("../../recordings/lockstep-dwell.mcap").unwrap();
-        let ((played, receiver), (_read, responses)) = (mpsc::channel(), mpsc::channel());
+        let (played, receiver) = mpsc::channel();
+        let (_read, responses) = mpsc::channel();
         let mut playing = Playing::new(recording, play, played, responses);
         playing.seek(0).unwrap();
         (playing, receiver)
@@ -294,10 +297,13 @@ mod tests {
 
     /// Whether there was a jump, the samples with readings, and the sample shown last; from the last jump on.
     fn received(receiver: &mpsc::Receiver<Played>) -> (bool, Vec<u64>, Option<u64>) {
-        let (mut has_moved, mut samples, mut shown) = (false, Vec::new(), None);
+        let mut has_moved = false;
+        let mut samples = Vec::new();
+        let mut shown = None;
         for played in receiver.try_iter() {
             if matches!(played, Played::Moved { .. }) {
-                (has_moved, samples) = (true, Vec::new());
+                has_moved = true;
+                samples = Vec::new();
             }
             if let Played::Moved { sample, records } | Played::Records { sample, records } = played {
                 shown = Some(sample);

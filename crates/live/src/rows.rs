@@ -266,7 +266,8 @@ impl Rows {
         // A sample older than those handed out begins another series.
         if sample < self.next {
             self.restart();
-            (self.next, self.restarted) = (sample, true);
+            self.next = sample;
+            self.restarted = true;
         }
         // Kept in the order of samples, though records of one kind may come behind those of the other.
         let at = self.pending.partition_point(|pending| pending.sample < sample);
@@ -316,7 +317,9 @@ mod tests {
 
     fn readings(sample: u64) -> SampleRecord {
         let pair = [sample as f64, -1.0];
-        let (acceleration_b_m_s2, acceleration_c_m_s2, head_force_n) = (pair, pair, pair);
+        let acceleration_b_m_s2 = pair;
+        let acceleration_c_m_s2 = pair;
+        let head_force_n = pair;
         SampleRecord {
             sample,
             acceleration_b_m_s2,

@@ -284,7 +284,8 @@ impl Beats {
         // Before the records are taken, so that those of the run's end are among them.
         let is_over = self.is_over.load(Ordering::Acquire);
         let shared = &self.shared;
-        let (mut model, mut source) = (lock(&shared.model), lock(&shared.source));
+        let mut model = lock(&shared.model);
+        let mut source = lock(&shared.source);
         // Messages for Foxglove are made only while a client is connected.
         let is_wanted = shared.published.receiver_count() > 0;
         source.drain(&mut model, is_wanted.then_some(&mut self.stream));

@@ -114,7 +114,8 @@ mod tests {
 
     #[test]
     fn the_first_viewer_starts_a_recording_that_waits() {
-        let ((_played, receiver), (orders, ordered)) = (mpsc::channel(), mpsc::channel());
+        let (_played, receiver) = mpsc::channel();
+        let (orders, ordered) = mpsc::channel();
         let mut source = Source::Recording(Player { played: receiver, orders, waits: true });
         for viewers in [0, 0, 2, 1, 0, 1] {
             source.viewed(viewers);

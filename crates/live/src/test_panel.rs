@@ -190,7 +190,8 @@ impl TestPanel {
         let lines = spectra.frequency_hz.iter().zip(spectra.outputs.first()?);
         let within = lines.filter(|(hz, _)| (from_hz..=to_hz).contains(*hz));
         let density: Vec<f64> = within.map(|(_, density)| *density).collect();
-        let (plan, line_hz) = (&self.plan, self.rate_hz / segments.length as f64);
+        let plan = &self.plan;
+        let line_hz = self.rate_hz / segments.length as f64;
         let rms = |values: &[f64]| libm::sqrt(line_hz * values.iter().sum::<f64>());
         // Windows mix the lines at the edges with what lies beyond them.
         let judged = EDGE..density.len().saturating_sub(EDGE);
@@ -249,7 +250,8 @@ impl TestPanel {
             shot.verdict.name()
         );
         let judged = if shot.is_full { judged } else { String::from(", below the full level") };
-        let (level_db, peak_m_s2) = (rounded(&shot.level_db, 1), rounded(&shot.peak_m_s2, 2));
+        let level_db = rounded(&shot.level_db, 1);
+        let peak_m_s2 = rounded(&shot.peak_m_s2, 2);
         let words = format!("last shot {level_db} dB on average, peak {peak_m_s2} m/s²{judged}");
         // The level of the schedule that is nearest to the shot.
         let distance = |level_db: &&f64| (*level_db - shot.level_db).abs();
@@ -287,7 +289,8 @@ impl TestPlan {
         };
         match &specification.test {
             Test::Random(test) => {
-                (plan.quantity, plan.unit) = ("density", "(m/s²)²/Hz");
+                plan.quantity = "density";
+                plan.unit = "(m/s²)²/Hz";
                 let line_hz = rate_hz / frame(test, rate_hz) as f64;
                 for hz in (1..).map(|line| f64::from(line) * line_hz).take_while(|hz| *hz <= 0.5 * rate_hz) {
                     let Some(demand) = test.profile.at(hz) else { continue };
@@ -358,7 +361,8 @@ fn tracked(samples: &[f64], rate_hz: f64, told_hz: f64, sweep_hz_s: f64) -> Opti
             let phase = TAU * (hz + 0.5 * sweep_hz_s * t_s) * t_s;
             Vector3::new(libm::cos(phase), libm::sin(phase), 1.0)
         });
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        let mut normal = Matrix3::zeros();
+        let mut right = Vector3::zeros();
         for (row, sample) in rows.clone().zip(&samples[range.clone()]) {
             normal += row * row.transpose();
             right += row * *sample;

@@ -73,7 +73,8 @@ pub async fn view(mut socket: WebSocket, counted: Counted) {
         let (introduction, mut updates) = {
             // Subscribed while both are locked: an update in between would be in neither the introduction nor the
             // updates.
-            let (model, source) = (lock(&shared.model), lock(&shared.source));
+            let model = lock(&shared.model);
+            let source = lock(&shared.source);
             (model.introduction(source.lost()), shared.updates.subscribe())
         };
         let greeted = tokio::time::timeout(GREETING, send(&mut socket, introduction)).await;
@@ -163,7 +164,8 @@ pub async fn stream(mut socket: WebSocket, counted: Counted) {
     let shared = &counted.shared;
     let introduction = foxglove::introduction(&lock(&shared.model), &shared.channels, &shared.session);
     let mut published = shared.published.subscribe();
-    let (mut subscriptions, mut nonsense) = (Subscriptions::new(shared.channels.len()), 0);
+    let mut subscriptions = Subscriptions::new(shared.channels.len());
+    let mut nonsense = 0;
     if send(&mut socket, introduction).await.is_err() {
         return;
     }

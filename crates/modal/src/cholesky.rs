@@ -84,7 +84,8 @@ impl Cholesky {
 
 /// Σ aᵢ bᵢ in four sums.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    let (a, a_rest) = a.as_chunks::<4>();
+    let (b, b_rest) = b.as_chunks::<4>();
     let mut sums = [0.0; 4];
     for (a, b) in a.iter().zip(b) {
         (0..4).for_each(|lane| sums[lane] += a[lane] * b[lane]);
@@ -103,7 +104,8 @@ mod tests {
     #[test]
     fn systems_are_solved() {
         let mut noise = Noise::new(1, 0);
-        let (n, rows) = (9, 20);
+        let n = 9;
+        let rows = 20;
         let b: Vec<f64> = (0..rows * n).map(|k| noise.normal() * libm::exp2((2 * (k % n)) as f64)).collect();
         let element = |i: usize, j: usize| (0..rows).map(|r| b[r * n + i] * b[r * n + j]).sum::<f64>();
         let a: Vec<f64> = (0..n * n).map(|k| element(k / n, k % n)).collect();

@@ -66,7 +66,8 @@ impl Covariance {
         if place == drive {
             return self.of(place, mode);
         }
-        let (spread, other) = (self.spread(place, mode), self.spread(drive, mode));
+        let spread = self.spread(place, mode);
+        let other = self.spread(drive, mode);
         let same = place.run == drive.run && place.reference == drive.reference;
         self.joint(spread, other, if same { spread.with_drive } else { [[0.0; 2]; 2] }, place.run == drive.run)
     }
@@ -190,7 +191,9 @@ impl<'a> Weighted<'a> {
     /// Prepares the columns of the errors of the poles; `inverse` is H⁻¹ by rows.
     fn new(run: &'a Run, found: &'a RunFit, variances: &'a Variances, inverse: &[f64]) -> Weighted<'a> {
         let layout = &found.layout;
-        let (size, slopes, lines) = (2 * layout.modes, layout.slopes(), run.grid.lines());
+        let size = 2 * layout.modes;
+        let slopes = layout.slopes();
+        let lines = run.grid.lines();
         let all: Vec<&[Lane]> = found.columns.iter().collect();
         let perpendicular: Vec<Columns> = (0..found.groups())
             .map(|group| {
@@ -322,7 +325,8 @@ impl<'a> Weighted<'a> {
     /// Spread of a residue without its sensitivity. `driven` are the columns of the error at the driving point.
     fn spread(&self, output: usize, errors: &ResidueErrors, driven: &[Columns]) -> Spread {
         let size = 2 * self.found.layout.modes;
-        let (mut own, mut with_drive) = ([[0.0; 2]; 2], [[0.0; 2]; 2]);
+        let mut own = [[0.0; 2]; 2];
+        let mut with_drive = [[0.0; 2]; 2];
         let all: Vec<&[Lane]> = errors.columns.iter().collect();
         // σ² is the variance of a complex number, of which the real and the imaginary part have half each.
         let half = 0.5 * self.variances.responses[output];

@@ -149,11 +149,13 @@ pub fn compare_levels(first: &[Mode], second: &[Mode]) -> Vec<ModeShift> {
         if found.iter().any(|shift| shift.first == i || shift.second == j) {
             continue;
         }
-        let (a, b) = (&first[i], &second[j]);
+        let a = &first[i];
+        let b = &second[j];
         // The two identifications have independent noise: their variances add. Without noise both are zero, and the
         // bound keeps the quotient finite.
         let z = |difference: f64, a: f64, b: f64| difference / libm::hypot(a, b).max(f64::MIN_POSITIVE);
-        let (frequency, damping) = (b.frequency_hz - a.frequency_hz, b.damping_ratio - a.damping_ratio);
+        let frequency = b.frequency_hz - a.frequency_hz;
+        let damping = b.damping_ratio - a.damping_ratio;
         let shift = ModeShift {
             first: i,
             second: j,

@@ -172,7 +172,8 @@ impl RunFit {
 
     /// A⁺ D of an output by rows: the change of each linear unknown, with opposite sign, with the poles.
     pub fn sensitivity(&self, output: usize) -> Vec<f64> {
-        let (slopes, sums) = (self.layout.slopes(), self.sums(output));
+        let slopes = self.layout.slopes();
+        let sums = self.sums(output);
         let coefficients = self.coefficients(output);
         let mut found = Vec::new();
         for row in sums.sensitivity.chunks_exact(slopes.max(1)) {
@@ -237,7 +238,8 @@ impl Sums {
 fn pole_products(row: &[f64], pairs: &[(usize, [f64; 2])]) -> [f64; 2] {
     let mut sums = [0.0; 2];
     for (place, [x, y]) in pairs {
-        let (p, q) = (row[*place], row[place + 1]);
+        let p = row[*place];
+        let q = row[place + 1];
         sums[0] += x * p + y * q;
         sums[1] += x * q - y * p;
     }
@@ -265,7 +267,8 @@ impl Problem {
             for (index, output) in found.outputs.iter().enumerate() {
                 fit.cost += found.freedom(run) * libm::log(output.square.max(f64::MIN_POSITIVE));
                 let by_variance = 1.0 / found.variance(run, index).max(f64::MIN_POSITIVE);
-                let (sums, slopes) = (found.sums(index), found.layout.slopes());
+                let sums = found.sums(index);
+                let slopes = found.layout.slopes();
                 let coefficients = found.coefficients(index);
                 // Schur · S by rows, then Sᵀ of it.
                 let rows: Vec<Vec<f64>> = sums

@@ -135,7 +135,8 @@ fn check(options: &Options) -> Result<(), ModalError> {
     if let Start::Chosen(poles) = &options.start {
         let Band { from_hz, to_hz } = options.band;
         for (index, pole) in poles.iter().enumerate() {
-            let (frequency_hz, damping_ratio) = (frequency_hz(*pole), damping_ratio(*pole));
+            let frequency_hz = frequency_hz(*pole);
+            let damping_ratio = damping_ratio(*pole);
             let fits = pole.im > 0.0 && damping_ratio > 0.0 && (from_hz..to_hz).contains(&frequency_hz);
             if !fits {
                 return Err(ModalError::ChosenPole { pole: index, frequency_hz, damping_ratio });
@@ -184,7 +185,8 @@ fn identify(
 /// Checks that each output has more real data than unknowns.
 fn check_lines(problem: &Problem, modes: usize) -> Result<(), ModalError> {
     for run in &problem.runs {
-        let (lines, least) = (run.grid.lines(), problem.layout(run, modes).unknowns() / 2 + 1);
+        let lines = run.grid.lines();
+        let least = problem.layout(run, modes).unknowns() / 2 + 1;
         if lines < least {
             return Err(ModalError::TooFewLines { lines, least });
         }
@@ -246,7 +248,8 @@ fn reports(problem: &Problem, fit: &Fit) -> Vec<RunReport> {
 
 fn residual_terms(problem: &Problem, fit: &Fit) -> Vec<ResidualTerms> {
     let of_place = |place: crate::deviations::Place| {
-        let (run, found) = (&problem.runs[place.run], &fit.runs[place.run]);
+        let run = &problem.runs[place.run];
+        let found = &fit.runs[place.run];
         let [reference, response] = run.pairs.dofs(place.output, place.reference);
         let unknowns = &found.outputs[place.output].unknowns[found.layout.residual_terms(place.reference)];
         let [below, above] = [0, 1].map(|term| unknowns[term] * run.grid.residual_scales[term]);

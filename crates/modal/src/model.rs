@@ -308,20 +308,25 @@ impl Task for Resonance<'_> {
             let mut out = [[0.0; LANES]; 8];
             for lane in 0..LANES {
                 // 1/(s − λ) and 1/(s − λ̄).
-                let (x, y) = (omega[lane] - centre, omega[lane] + centre);
-                let (u, v) = (1.0 / (sigma * sigma + x * x), 1.0 / (sigma * sigma + y * y));
-                let (a, b) = ([-sigma * u, -x * u], [-sigma * v, -y * v]);
+                let x = omega[lane] - centre;
+                let y = omega[lane] + centre;
+                let u = 1.0 / (sigma * sigma + x * x);
+                let v = 1.0 / (sigma * sigma + y * y);
+                let a = [-sigma * u, -x * u];
+                let b = [-sigma * v, -y * v];
                 let factor = [self.factor[0][n][lane], self.factor[1][n][lane]];
                 let columns = pairs(a, b);
                 let slopes = pairs(square(a), square(b));
                 for (k, value) in [columns[0], columns[1], slopes[0], slopes[1]].into_iter().enumerate() {
                     let value = times(factor, value);
-                    (out[2 * k][lane], out[2 * k + 1][lane]) = (value[0], value[1]);
+                    out[2 * k][lane] = value[0];
+                    out[2 * k + 1][lane] = value[1];
                 }
             }
             for k in 0..4 {
                 let [re, im] = self.pair.parts_mut(k);
-                (re[n], im[n]) = (out[2 * k], out[2 * k + 1]);
+                re[n] = out[2 * k];
+                im[n] = out[2 * k + 1];
             }
         }
     }
@@ -346,19 +351,22 @@ impl Task for Decay<'_> {
         for n in 0..self.mask.len() {
             let mut out = [[0.0; LANES]; 8];
             (0..LANES).for_each(|lane| {
-                let (q, mask) = ([self.delay[0][n][lane], self.delay[1][n][lane]], self.mask[n][lane]);
+                let q = [self.delay[0][n][lane], self.delay[1][n][lane]];
+                let mask = self.mask[n][lane];
                 let zq = [self.turn.im, -self.turn.im].map(|im| times([self.turn.re, im], q));
                 let t = zq.map(|zq| inverse([1.0 - zq[0], -zq[1]])).map(|t| [t[0] * mask, t[1] * mask]);
                 let columns = pairs(t[0], t[1]);
                 let slope = |k: usize| times(times(square(t[k]), zq[k]), [by_rate, 0.0]);
                 let slopes = pairs(slope(0), slope(1));
                 for (k, value) in [columns[0], columns[1], slopes[0], slopes[1]].into_iter().enumerate() {
-                    (out[2 * k][lane], out[2 * k + 1][lane]) = (value[0], value[1]);
+                    out[2 * k][lane] = value[0];
+                    out[2 * k + 1][lane] = value[1];
                 }
             });
             for k in 0..4 {
                 let [re, im] = self.pair.parts_mut(k);
-                (re[n], im[n]) = (out[2 * k], out[2 * k + 1]);
+                re[n] = out[2 * k];
+                im[n] = out[2 * k + 1];
             }
         }
     }
@@ -379,9 +387,11 @@ impl Task for Product<'_> {
         let [re, im] = self.to;
         for n in 0..re.len() {
             for lane in 0..LANES {
-                let (a, b) = ([self.a[0][n][lane], self.a[1][n][lane]], [self.b[0][n][lane], self.b[1][n][lane]]);
+                let a = [self.a[0][n][lane], self.a[1][n][lane]];
+                let b = [self.b[0][n][lane], self.b[1][n][lane]];
                 let product = times(a, b);
-                (re[n][lane], im[n][lane]) = (product[0], product[1]);
+                re[n][lane] = product[0];
+                im[n][lane] = product[1];
             }
         }
     }

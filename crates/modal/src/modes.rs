@@ -335,7 +335,8 @@ fn direction(values: &[Complex<f64>]) -> Complex<f64> {
 /// Returns the mean phase deviation from the shape's direction, degrees.
 fn phase_deviation_deg(values: &[Complex<f64>]) -> f64 {
     let direction = direction(values);
-    let (mut sum, mut weights) = (0.0, 0.0);
+    let mut sum = 0.0;
+    let mut weights = 0.0;
     for value in values {
         let turned = value * direction.conj();
         let size = magnitude(*value);
@@ -383,7 +384,8 @@ pub(crate) fn modes(problem: &Problem, fit: &Fit, covariance: &Covariance, floor
 /// All residues of a fit.
 pub(crate) fn places(problem: &Problem) -> Vec<Place> {
     let of_run = |(run, data): (usize, &crate::run::Run)| {
-        let (outputs, references) = (data.outputs(), data.inputs());
+        let outputs = data.outputs();
+        let references = data.inputs();
         (0..outputs).flat_map(move |output| (0..references).map(move |reference| Place { run, output, reference }))
     };
     problem.runs.iter().enumerate().flat_map(of_run).collect()
@@ -438,11 +440,10 @@ fn shape(
             let block = turned(of_drive, covariance.of(*drive, mode), of_drive);
             (block, block)
         } else {
-            let (own, other) = (turn / scale, -value / (driven * 2.0) * turn);
-            let (with_own, with_other) = (
-                turned(own, covariance.with_drive(*place, *drive, mode), of_drive),
-                turned(other, covariance.of(*drive, mode), of_drive),
-            );
+            let own = turn / scale;
+            let other = -value / (driven * 2.0) * turn;
+            let with_own = turned(own, covariance.with_drive(*place, *drive, mode), of_drive);
+            let with_other = turned(other, covariance.of(*drive, mode), of_drive);
             let joint = turned(own, covariance.with_drive(*place, *drive, mode), other);
             let parts = [
                 turned(own, covariance.of(*place, mode), own),
@@ -484,7 +485,8 @@ fn sum_of_blocks(parts: &[Block]) -> Block {
 /// The covariance of a x and b y, for complex factors a, b and the covariance of x and y over real and imaginary parts.
 fn turned(a: Complex<f64>, block: Block, b: Complex<f64>) -> Block {
     let matrix = |z: Complex<f64>| [[z.re, -z.im], [z.im, z.re]];
-    let (left, right) = (matrix(a), matrix(b));
+    let left = matrix(a);
+    let right = matrix(b);
     let mut found = [[0.0; 2]; 2];
     for (i, row) in found.iter_mut().enumerate() {
         for (j, value) in row.iter_mut().enumerate() {

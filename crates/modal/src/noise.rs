@@ -37,7 +37,8 @@ const LEAST_CHANGE: f64 = 1e-6;
 
 /// Gains of all outputs over all references: output o and reference i in column o · references + i.
 pub(crate) fn gains(run: &Run, found: &RunFit) -> Columns {
-    let (gain, layout) = (&found.gain[0], &found.layout);
+    let gain = &found.gain[0];
+    let layout = &found.layout;
     let mut all = Columns::zeros(run.grid.lines(), found.outputs.len() * layout.references);
     for (index, output) in found.outputs.iter().enumerate() {
         for reference in 0..layout.references {
@@ -130,7 +131,8 @@ impl Regression {
             };
             let Some((tried, tried_value)) = step else { break };
             let change = value - tried_value;
-            (found, value) = (tried, tried_value);
+            found = tried;
+            value = tried_value;
             if change < LEAST_CHANGE {
                 break;
             }
@@ -167,11 +169,16 @@ impl Regression {
         let inputs = variances.references.len();
         // For each output: Σ w, Σ w |Gᵢ|², Σ w |e|²; over all outputs: what is left for the references without σₒ².
         let mut own = Vec::with_capacity(self.residuals.len());
-        let (mut shared, mut right, mut sizes) = (vec![0.0; inputs * inputs], vec![0.0; inputs], vec![0.0; inputs]);
+        let mut shared = vec![0.0; inputs * inputs];
+        let mut right = vec![0.0; inputs];
+        let mut sizes = vec![0.0; inputs];
         for (output, residual) in self.residuals.iter().enumerate() {
             let gain = |input: usize, line: usize| self.gains[output * inputs + input][line];
-            let (mut weight_sum, mut powers, mut sums) = (0.0, 0.0, vec![0.0; inputs]);
-            let (mut products, mut moments) = (vec![0.0; inputs * inputs], vec![0.0; inputs]);
+            let mut weight_sum = 0.0;
+            let mut powers = 0.0;
+            let mut sums = vec![0.0; inputs];
+            let mut products = vec![0.0; inputs * inputs];
+            let mut moments = vec![0.0; inputs];
             for (line, power) in residual.iter().enumerate() {
                 // Relative to the variance of the response, so that squares neither overflow nor vanish.
                 let response = variances.responses[output];
@@ -238,7 +245,9 @@ fn non_negative(matrix: &[f64], right: &[f64]) -> Vec<f64> {
 /// σᵢ²/σₒ²⟩ with the mean over the outputs. One matrix of sums then serves all outputs, where each would need its own. The
 /// covariance holds for any weights.
 fn set_weights(run: &mut Run, gains: &Columns, variances: &Variances) {
-    let (lines, inputs, outputs) = (run.grid.lines(), run.inputs(), run.outputs());
+    let lines = run.grid.lines();
+    let inputs = run.inputs();
+    let outputs = run.outputs();
     let total = |output: usize| {
         let mut total = vec![variances.responses[output]; lines];
         for (input, variance) in variances.references.iter().enumerate() {
@@ -267,7 +276,9 @@ fn set_weights(run: &mut Run, gains: &Columns, variances: &Variances) {
 
 /// Puts the most likely references of a run in place of the measured ones.
 fn correct_run(run: &mut Run, found: &RunFit, gains: &Columns, variances: &Variances) {
-    let (lines, inputs, outputs) = (run.grid.lines(), run.inputs(), run.outputs());
+    let lines = run.grid.lines();
+    let inputs = run.inputs();
+    let outputs = run.outputs();
     let mut references = vec![Vec::with_capacity(lines); inputs];
     let mut responses = vec![Vec::with_capacity(lines); outputs];
     for line in 0..lines {
@@ -334,7 +345,8 @@ pub(crate) struct Normalised {
 /// Returns Σₒ |eₒ|²/Cₒₒ of a run at every line, C being the covariance of the residuals of all outputs, and its variance Σₒₚ
 /// |Cₒₚ|²/(Cₒₒ Cₚₚ), that of complex Gaussian noise.
 pub(crate) fn normalised(run: &Run, found: &RunFit) -> Normalised {
-    let (outputs, inputs) = (run.outputs(), run.inputs());
+    let outputs = run.outputs();
+    let inputs = run.inputs();
     let gains = gains(run, found);
     let variances = run.noise.clone().unwrap_or_else(|| Variances {
         // The real and the imaginary part have this variance each.

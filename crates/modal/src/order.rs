@@ -239,7 +239,8 @@ fn add(problem: &Problem, fit: &Fit, band: Band) -> Option<Fit> {
     let distance = |pole: &Complex<f64>| (pole.im / TAU - excess.frequency_hz).abs();
     let near = (0..fit.poles.len()).min_by(|a, b| distance(&fit.poles[*a]).total_cmp(&distance(&fit.poles[*b])))?;
     let split = {
-        let (mut poles, centre) = (fit.poles.clone(), fit.poles[near]);
+        let mut poles = fit.poles.clone();
+        let centre = fit.poles[near];
         // Two modes that were taken for one begin |Re λ| apart, half of its half-power bandwidth.
         let half = Complex::new(0.0, 0.5 * centre.re.abs());
         poles[near] = centre + half;
@@ -306,7 +307,8 @@ fn without_twins(problem: &mut Problem, mut fit: Fit) -> Vec<Complex<f64>> {
             others.remove(suspect);
             let (tried, value) = fit_anew(problem, &others, least_now + CLEAR * penalty);
             if value - least_now < penalty {
-                (fit, least) = (tried, Some(value));
+                fit = tried;
+                least = Some(value);
                 continue 'round;
             }
         }

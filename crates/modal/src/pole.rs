@@ -26,7 +26,8 @@ pub(crate) fn pole(frequency_hz: f64, damping_ratio: f64) -> Complex<f64> {
 /// order.
 pub(crate) fn deviations(pole: Complex<f64>, covariance: [[f64; 2]; 2]) -> [f64; 2] {
     let size = magnitude(pole);
-    let (a, b) = (pole.re, pole.im);
+    let a = pole.re;
+    let b = pole.im;
     let cube = size * size * size;
     let of = |gradient: [f64; 2]| {
         let [x, y] = gradient;

@@ -167,7 +167,8 @@ impl Run {
             }
             columns
         };
-        let (references, responses) = (spectra(&record.references), spectra(&record.responses));
+        let references = spectra(&record.references);
+        let responses = spectra(&record.responses);
         let frequency_hz = (first..=last).map(|line| line as f64 * spacing_hz).collect();
         let dofs = |channels: &[Channel<'_>]| channels.iter().map(|channel| channel.dof).collect();
         let noise = |channels: &[Channel<'_>]| channels.iter().map(|channel| channel.noise).collect();
@@ -269,7 +270,8 @@ impl Run {
 
     /// Discards weights and corrections: the spectra are those that were measured.
     pub fn reset(&mut self) {
-        (self.noise, self.weights) = (None, Columns::default());
+        self.noise = None;
+        self.weights = Columns::default();
         self.references = self.measured_references.clone();
         self.responses = self.measured_responses.clone();
     }
@@ -292,7 +294,8 @@ impl Run {
 fn check_record(index: usize, record: &Record<'_>) -> Result<(), ModalError> {
     let Record { rate_hz, references, responses } = record;
     check_rate(*rate_hz)?;
-    let (inputs, outputs) = (references.len(), responses.len());
+    let inputs = references.len();
+    let outputs = responses.len();
     if inputs == 0 || outputs == 0 {
         return Err(ModalError::NoData);
     }
@@ -341,7 +344,8 @@ fn rests(record: &Record<'_>) -> bool {
     let onset = onsets.min().unwrap_or(0);
     record.responses.iter().all(|channel| {
         let peak = peak(channel.samples);
-        let (quiet, tail) = (&channel.samples[..onset], &channel.samples[samples - end..]);
+        let quiet = &channel.samples[..onset];
+        let tail = &channel.samples[samples - end..];
         let noise = channel.noise.unwrap_or(0.0);
         let still = (REST * peak).max(NOISY_REST * noise);
         // Of so few samples a standard deviation says little. The first one alone is judged then, by a wider limit,

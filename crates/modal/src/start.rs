@@ -186,7 +186,8 @@ fn reduced_matrix(
     circle: &Circle,
 ) -> Vec<f64> {
     let inputs = responses.first().map_or(0, Vec::len);
-    let (powers, size) = (order + 1, (order + 1) * inputs);
+    let powers = order + 1;
+    let size = (order + 1) * inputs;
     let lanes = |value: &dyn Fn(usize) -> f64| lanes(frequency_hz.len(), value);
     let angle = |power: usize, k: usize| TAU * frequency_hz[k] * circle.period_s * power as f64;
     let cosines: Vec<Vec<Lane>> = (0..powers).map(|power| lanes(&|k| libm::cos(angle(power, k)))).collect();
@@ -222,7 +223,8 @@ fn reduced_matrix(
                 let both = lags(&|k| of_output[i][k].conj() * of_output[j][k]);
                 for k in 0..powers {
                     for l in 0..powers {
-                        let (row, column) = (k * inputs + i, l * inputs + j);
+                        let row = k * inputs + i;
+                        let column = l * inputs + j;
                         let value = both[order + l - k];
                         matrix[row * size + column] += value;
                         if i != j {

@@ -120,7 +120,8 @@ impl Decimator {
     /// Returns the newest row unchanged.
     fn last(&self) -> Option<Decimated> {
         let blocks = self.windows.iter().filter_map(VecDeque::back).flatten();
-        let (values, flags) = (blocks.take(self.width).copied().collect(), *self.flags.back()?);
+        let values = blocks.take(self.width).copied().collect();
+        let flags = *self.flags.back()?;
         Some(Decimated { index: self.series?.1.wrapping_sub(1), values, flags })
     }
 
@@ -177,7 +178,8 @@ impl Task for Weighted<'_> {
 
     #[inline(always)]
     fn run(self) -> [f64; LANES] {
-        let (mut sums, mut taps) = ([0.0; LANES], self.taps.iter());
+        let mut sums = [0.0; LANES];
+        let mut taps = self.taps.iter();
         // One iterator of taps runs over both halves of the ring: the second continues where the first ends.
         let (older, newer) = self.window.as_slices();
         for rows in [older, newer] {
@@ -213,7 +215,8 @@ fn sinc(x: f64) -> f64 {
 /// Returns the modified Bessel function of the first kind and order 0: Σ ((x/2)^k / k!)², to the last digit for the x
 /// in use, below 8.
 fn bessel_i0(x: f64) -> f64 {
-    let (mut sum, mut term) = (1.0, 1.0);
+    let mut sum = 1.0;
+    let mut term = 1.0;
     // For x = 8 the last term is (4⁴⁰/40!)² = 2e-48, far below the last digit of the sum.
     for k in 1..=40 {
         term *= x / (2.0 * f64::from(k));

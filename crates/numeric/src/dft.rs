@@ -87,7 +87,8 @@ impl Lines {
     /// Prepares `lines` lines from `first` on of the transform of length `period`, at least 1, of which the first
     /// `inputs` values are given and the others zero.
     pub fn new(period: usize, inputs: usize, first: usize, lines: usize) -> Lines {
-        let (period, first) = (period as u64, first as u64);
+        let period = period as u64;
+        let first = first as u64;
         // The convolution of the transform is cyclic. With room for inputs and lines no sum that is kept wraps around.
         let fft = Fft::at_least(inputs + lines);
         let length = fft.length();

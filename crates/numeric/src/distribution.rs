@@ -12,7 +12,8 @@ const STEPS: usize = 200;
 /// an interval that is doubled until it contains x.
 pub fn chi_square_quantile(probability: f64, freedom: f64) -> f64 {
     let below = |x: f64| incomplete_gamma(0.5 * freedom, 0.5 * x)[0] < probability;
-    let (mut low, mut high) = (0.0, freedom.max(1.0));
+    let mut low = 0.0;
+    let mut high = freedom.max(1.0);
     // Bounded, so that the search ends even if rounding keeps P below the probability at every x.
     while below(high) && high < f64::MAX / 4.0 {
         high *= 2.0;
@@ -50,7 +51,8 @@ fn incomplete_gamma(a: f64, x: f64) -> [f64; 2] {
     // xᵃ e⁻ˣ/Γ(a) by its logarithm: Γ(a) alone overflows from 344 degrees of freedom on.
     let scale = libm::exp(a * libm::log(x) - x - libm::lgamma(a));
     if x < a + 1.0 {
-        let (mut term, mut sum) = (1.0 / a, 1.0 / a);
+        let mut term = 1.0 / a;
+        let mut sum = 1.0 / a;
         for n in 1..TERMS {
             term *= x / (a + n as f64);
             sum += term;
@@ -63,7 +65,8 @@ fn incomplete_gamma(a: f64, x: f64) -> [f64; 2] {
     // Γ(a, x) = xᵃ e⁻ˣ / (b₀ + c₁/(b₁ + c₂/(b₂ + …))) with bₙ = x + 1 − a + 2n, cₙ = −n (n − a).
     let mut b = x + 1.0 - a;
     // Lentz starts with c = ∞, for which the largest number does: the first quotient by it vanishes.
-    let (mut c, mut d) = (f64::MAX, 1.0 / b);
+    let mut c = f64::MAX;
+    let mut d = 1.0 / b;
     let mut fraction = d;
     for n in 1..TERMS {
         let n = n as f64;
@@ -93,7 +96,8 @@ pub fn binomial_survival(count: usize, trials: usize, probability: f64) -> f64 {
         return 1.0;
     }
     // `log1p` keeps the digits of a small probability, which 1 − p would round away.
-    let (happens, fails) = (libm::log(probability), libm::log1p(-probability));
+    let happens = libm::log(probability);
+    let fails = libm::log1p(-probability);
     let factorial = |k: usize| libm::lgamma(k as f64 + 1.0);
     let term = |k: usize| {
         let ways = factorial(trials) - factorial(k) - factorial(trials - k);

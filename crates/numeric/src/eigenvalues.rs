@@ -56,7 +56,8 @@ struct Reflection {
 /// Returns all eigenvalues of a matrix of n rows, given by rows, which is overwritten; `None` if the algorithm doesn't
 /// converge.
 pub fn eigenvalues(n: usize, a: &mut [f64]) -> Option<Vec<Complex<f64>>> {
-    let (mut factors, mut found) = (vec![0.0; n], vec![NAN; n]);
+    let mut factors = vec![0.0; n];
+    let mut found = vec![NAN; n];
     if n < LARGE {
         return find(a, n, &mut factors, &mut found).then_some(found);
     }
@@ -90,7 +91,8 @@ fn find(a: &mut [f64], stride: usize, factors: &mut [f64], found: &mut [Complex<
     let mut matrix = Matrix { n: found.len(), stride, a };
     matrix.balance();
     matrix.reduce(factors);
-    let (mut end, mut moved) = (matrix.n, 0.0);
+    let mut end = matrix.n;
+    let mut moved = 0.0;
     while end > 0 {
         let mut steps = 0;
         loop {
@@ -128,7 +130,8 @@ fn magnitude<'a>(mut of: impl Iterator<Item = &'a f64>) -> f64 {
 /// Σ ab, in lanes.
 #[inline(always)]
 fn product(a: &[f64], b: &[f64]) -> f64 {
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let (a, a_rest) = a.as_chunks::<LANES>();
+    let (b, b_rest) = b.as_chunks::<LANES>();
     let mut sums = [0.0; LANES];
     for (a, b) in a.iter().zip(b) {
         for lane in 0..LANES {
@@ -143,7 +146,8 @@ fn product(a: &[f64], b: &[f64]) -> f64 {
 /// target −= factor · source, in lanes.
 #[inline(always)]
 fn subtract(target: &mut [f64], source: &[f64], factor: f64) {
-    let ((a, a_rest), (b, b_rest)) = (target.as_chunks_mut::<LANES>(), source.as_chunks::<LANES>());
+    let (a, a_rest) = target.as_chunks_mut::<LANES>();
+    let (b, b_rest) = source.as_chunks::<LANES>();
     for (a, b) in a.iter_mut().zip(b) {
         for lane in 0..LANES {
             a[lane] -= factor * b[lane];
@@ -196,7 +200,8 @@ impl Matrix<'_> {
     /// Scales rows and columns by powers of two, so that the sums of a row and its column are alike.
     #[inline(always)]
     fn balance(&mut self) {
-        let (n, stride) = (self.n, self.stride);
+        let n = self.n;
+        let stride = self.stride;
         let mut done = false;
         while !done {
             done = true;
@@ -295,21 +300,29 @@ impl Matrix<'_> {
     /// diagonal.
     #[inline(always)]
     fn step(&mut self, start: usize, end: usize, exceptional: bool) -> f64 {
-        let (n, last) = (self.stride, end - 1);
-        let (mut x, mut y) = (self.at(last, last), self.at(last - 1, last - 1));
-        let (mut product, mut moved) = (self.at(last, last - 1) * self.at(last - 1, last), 0.0);
+        let n = self.stride;
+        let last = end - 1;
+        let mut x = self.at(last, last);
+        let mut y = self.at(last - 1, last - 1);
+        let mut product = self.at(last, last - 1) * self.at(last - 1, last);
+        let mut moved = 0.0;
         if exceptional {
             moved = x;
             (0..end).for_each(|i| self.a[i * n + i] -= x);
             let size = self.at(last, last - 1).abs() + self.at(last - 1, last - 2).abs();
             // The exceptional shift of Martin, Peters and Wilkinson.
-            (x, y, product) = (0.75 * size, 0.75 * size, -0.4375 * size * size);
+            x = 0.75 * size;
+            y = 0.75 * size;
+            product = -0.4375 * size * size;
         }
         // Starts at the last row where two subdiagonal elements in turn are small.
         let mut first = last - 2;
         let column = loop {
-            let (z, below) = (self.at(first, first), self.at(first + 1, first));
-            let (r, s, next) = (x - z, y - z, self.at(first + 1, first + 1));
+            let z = self.at(first, first);
+            let below = self.at(first + 1, first);
+            let r = x - z;
+            let s = y - z;
+            let next = self.at(first + 1, first + 1);
             let column = [
                 (r * s - product) / below + self.at(first, first + 1),
                 next - z - r - s,
@@ -334,7 +347,8 @@ impl Matrix<'_> {
     /// Reflects `column` onto its first element, and then what is below the subdiagonal of each column, down to `end`.
     #[inline(always)]
     fn chase(&mut self, start: usize, end: usize, first: usize, mut column: [f64; 3]) {
-        let (n, last) = (self.stride, end - 1);
+        let n = self.stride;
+        let last = end - 1;
         for row in first + 2..end {
             self.a[row * n + row - 2] = 0.0;
             if row > first + 2 {
@@ -342,7 +356,8 @@ impl Matrix<'_> {
             }
         }
         for k in first..last {
-            let (three, mut scale) = (k + 1 < last, 1.0);
+            let three = k + 1 < last;
+            let mut scale = 1.0;
             if k > first {
                 column = [self.at(k, k - 1), self.at(k + 1, k - 1), if three { self.at(k + 2, k - 1) } else { 0.0 }];
                 let sum: f64 = column.iter().map(|value| value.abs()).sum();
@@ -368,7 +383,8 @@ impl Matrix<'_> {
             let p = p + size;
             // Two reciprocals in place of five divisions, which take several times as long as products.
             let [by_size, by_p] = [size, p].map(f64::recip);
-            let (w, u) = ([p * by_size, q * by_size, r * by_size], [q * by_p, r * by_p]);
+            let w = [p * by_size, q * by_size, r * by_size];
+            let u = [q * by_p, r * by_p];
             self.reflect([start, end], Reflection { k, three, w, u });
         }
     }
@@ -384,7 +400,8 @@ impl Matrix<'_> {
     /// Rows and columns of the part from `start` to `end`.
     #[inline(always)]
     fn reflect(&mut self, [start, end]: [usize; 2], by: Reflection) {
-        let (n, k) = (self.stride, by.k);
+        let n = self.stride;
+        let k = by.k;
         self.reflect_rows(self.to(k, end), &by);
         let rows = &mut self.a[start * n..(k + 4).min(end) * n];
         for row in rows.chunks_exact_mut(n) {
@@ -399,10 +416,12 @@ impl Matrix<'_> {
     /// Two or three rows up to a column.
     #[inline(always)]
     fn reflect_rows(&mut self, to: usize, by: &Reflection) {
-        let (n, k) = (self.stride, by.k);
+        let n = self.stride;
+        let k = by.k;
         let (head, tail) = self.a[k * n..].split_at_mut(n);
         let (middle, tail) = tail.split_at_mut(n);
-        let (a, b) = (&mut head[k..to], &mut middle[k..to]);
+        let a = &mut head[k..to];
+        let b = &mut middle[k..to];
         if !by.three {
             for (a, b) in a.iter_mut().zip(b) {
                 let sum = *a + by.u[0] * *b;
@@ -411,14 +430,17 @@ impl Matrix<'_> {
             }
             return;
         }
-        let ((a, a_rest), (b, b_rest)) = (a.as_chunks_mut::<LANES>(), b.as_chunks_mut::<LANES>());
+        let (a, a_rest) = a.as_chunks_mut::<LANES>();
+        let (b, b_rest) = b.as_chunks_mut::<LANES>();
         let (c, c_rest) = tail[k..to].as_chunks_mut::<LANES>();
         for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
             let [mut x, mut y, mut z] = [*a, *b, *c];
             for lane in 0..LANES {
                 by.left(&mut x[lane], &mut y[lane], &mut z[lane]);
             }
-            (*a, *b, *c) = (x, y, z);
+            *a = x;
+            *b = y;
+            *c = z;
         }
         a_rest.iter_mut().zip(b_rest).zip(c_rest).for_each(|((a, b), c)| by.left(a, b, c));
     }

@@ -12,11 +12,13 @@ use nalgebra::Complex;
 pub fn solve<const M: usize>(flat: &mut [f64], right: &mut [[f64; M]]) -> Option<()> {
     let n = right.len();
     for column in 0..n {
-        let (mut pivot, mut largest) = (column, flat[column * n + column].abs());
+        let mut pivot = column;
+        let mut largest = flat[column * n + column].abs();
         for row in column + 1..n {
             let size = flat[row * n + column].abs();
             if size > largest {
-                (pivot, largest) = (row, size);
+                pivot = row;
+                largest = size;
             }
         }
         // One division a column: the rows below are multiplied by the inverse of the pivot. Where the pivot is 0 or
@@ -105,7 +107,8 @@ mod tests {
             let (mut flat, mut x): ([f64; 16], [[f64; 2]; 4]) = (matrix, right);
             if solve(&mut flat, &mut x).is_some() {
                 for side in 0..2 {
-                    let (mut flat, mut alone) = (matrix, right.map(|sides| [sides[side]]));
+                    let mut flat = matrix;
+                    let mut alone = right.map(|sides| [sides[side]]);
                     prop_assert!(solve(&mut flat, &mut alone).is_some());
                     prop_assert_eq!(x.map(|sides| sides[side].to_bits()), alone.map(|[value]| value.to_bits()));
                 }

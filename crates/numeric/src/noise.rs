@@ -66,7 +66,8 @@ mod tests {
     fn a_copy_continues_as_the_original() {
         let mut noise = Noise::new(3, 2);
         for taken in 0..100 {
-            let (mut copy, number) = (noise.clone(), noise.normal());
+            let mut copy = noise.clone();
+            let number = noise.normal();
             assert_eq!(copy.normal().to_bits(), number.to_bits(), "after {taken}");
             let mut ahead = noise.clone();
             for k in 0..40 {
@@ -78,7 +79,8 @@ mod tests {
     #[test]
     fn a_stream_continues_behind_any_number() {
         for taken in 0..70 {
-            let (mut noise, mut sought) = (Noise::new(3, 2), Noise::new(3, 2));
+            let mut noise = Noise::new(3, 2);
+            let mut sought = Noise::new(3, 2);
             (0..taken).for_each(|_| assert!(noise.normal().is_finite()));
             sought.bits();
             sought.seek(taken);

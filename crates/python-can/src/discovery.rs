@@ -167,7 +167,9 @@ fn check_owner(path: &Path, place: &Path, user: u32) -> Result<(), PythonCanErro
     };
     for (metadata, is_link) in [(fs::symlink_metadata(place), true), (fs::metadata(place), false)] {
         let Ok(metadata) = metadata else { continue };
-        let (owner, group, mode) = (metadata.uid(), metadata.gid(), metadata.mode());
+        let owner = metadata.uid();
+        let group = metadata.gid();
+        let mode = metadata.mode();
         if owner != user && owner != 0 {
             return untrusted(format!("belongs to the user with id {owner}"));
         }

@@ -111,7 +111,8 @@ impl PythonCan {
 
     /// Starts the bridge threads on an open python-can bus.
     fn start(driver: Driver) -> Result<PythonCan, PythonCanError> {
-        let (driver, shared) = (Arc::new(driver), Arc::new(Shared::default()));
+        let driver = Arc::new(driver);
+        let shared = Arc::new(Shared::default());
         let (outgoing, to_send) = RingBuffer::new(TRANSMIT_QUEUE);
         let (came_in, incoming) = RingBuffer::new(RECEIVE_QUEUE);
         // A ring has one producer, so each thread has its own.
@@ -368,7 +369,8 @@ fn open_bus(py: Python<'_>, options: &Options) -> Result<Driver, PythonCanError>
         let socket = if options.interface == SOCKETCAN { Some(bus.getattr("socket")?) } else { None };
         // Checked now that it reports its losses, since it is asked for them before each frame.
         socket.as_ref().map(kernel_drops).transpose()?;
-        let (message_class, error_frames) = (can.getattr("Message")?.unbind(), ErrorFrames::of(&options.interface));
+        let message_class = can.getattr("Message")?.unbind();
+        let error_frames = ErrorFrames::of(&options.interface);
         Ok(Driver { bus: bus.unbind(), message_class, socket: socket.map(Bound::unbind), error_frames })
     };
     open().map_err(|error| exception(py, Operation::Open, error))

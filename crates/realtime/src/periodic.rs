@@ -203,7 +203,8 @@ impl<'c, C: Clock> Periodic<'c, C> {
     /// # Errors
     /// [`HistogramError`] if the latency histograms can't be built.
     pub fn start(clock: &'c C, rate: SampleRate, policy: OverrunPolicy) -> Result<Self, HistogramError> {
-        let (wakeup, exec) = (LatencyHistogram::new()?, LatencyHistogram::new()?);
+        let wakeup = LatencyHistogram::new()?;
+        let exec = LatencyHistogram::new()?;
         let now_ns = clock.now_ns();
         Ok(Self {
             clock,

@@ -35,7 +35,8 @@ fn check_numbers(limits: &LimitsSpec) -> Result<(), ScenarioError> {
     }
     let most = f64::from(MOST_SAMPLES);
     let samples = |value: Option<u32>| value.map(f64::from);
-    let (clipped, stuck) = (samples(limits.clipped_samples), samples(limits.stuck_samples));
+    let clipped = samples(limits.clipped_samples);
+    let stuck = samples(limits.stuck_samples);
     refuse_unless("limits.clipped_samples", clipped, "from 1 to 1000000", |got| (1.0..=most).contains(&got))?;
     // One sample cannot repeat a value, so a stuck reading takes at least two of them. A single clipped sample
     // is already meaningful.

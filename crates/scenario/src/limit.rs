@@ -43,9 +43,12 @@ fn check_shaker(section: &str, amplitude: &Load, shaker: &ShakerSpec, profile: P
     for (key, got) in [("exciter_x", amplitude.force_n.x), ("exciter_y", amplitude.force_n.y)] {
         Axis { section, key, unit: "N" }.check(got, limit, profile)?;
     }
-    let (got, limit) = (shaker.along_n(amplitude).abs(), shaker.force_limit_n());
+    let got = shaker.along_n(amplitude).abs();
+    let limit = shaker.force_limit_n();
     if got > limit {
-        let (name, limit_name, unit) = (format!("{section}.amplitude"), "the shaker's blocked force", "N");
+        let name = format!("{section}.amplitude");
+        let limit_name = "the shaker's blocked force";
+        let unit = "N";
         let fix = "lower it, or raise `current_limit_a` or `voltage_limit_v` of `rig.shaker` if it has more";
         return Err(ScenarioError::BeyondLimit { name, got, limit_name, limit, unit, fix });
     }

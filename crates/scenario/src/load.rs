@@ -110,7 +110,8 @@ fn check<S: Iterator<Item = Stream>>(
 /// Returns the one bit rate that, raised alone, would suffice, if one within its range does: that of the data
 /// phase next to what arbitration leaves, else that of arbitration.
 fn enough(per_second: Bits, rates: BitRates) -> Option<(&'static str, f64)> {
-    let (nominal, data) = (per_second.nominal as f64, per_second.data as f64);
+    let nominal = per_second.nominal as f64;
+    let data = per_second.data as f64;
     // Both phases share the time of one second: data/r_data + nominal/r_nominal ≤ 1, solved for the rate of one
     // phase with the other fixed.
     let beside = |bits: f64, other: f64, other_hz: u32| {

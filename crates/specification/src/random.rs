@@ -62,10 +62,12 @@ pub struct ScheduleStep {
 impl Schedule {
     pub(crate) fn new(section: &ScheduleSection) -> Result<Schedule, SpecificationError> {
         const SECTION: &str = "schedule";
-        let (levels, seconds) = (&section.levels_db, &section.seconds);
+        let levels = &section.levels_db;
+        let seconds = &section.seconds;
         // Checked first: `zip` would drop what the longer list has more.
         if levels.len() != seconds.len() {
-            let (keys, got) = (["levels_db", "seconds"], [levels.len(), seconds.len()]);
+            let keys = ["levels_db", "seconds"];
+            let got = [levels.len(), seconds.len()];
             return Err(SpecificationError::Lengths { section: SECTION, keys, got });
         }
         let key = |key| Place { section: SECTION, key };

@@ -159,7 +159,8 @@ impl ShockTest {
     /// amplitudes are those of least squares for which the sums that stand for ∫a dt and ∬a dt² are 0 at the end: with the
     /// bells' ends E, 2 × n, and those of the pulse e, they are −Eᵀ(EEᵀ)⁻¹e.
     pub fn compensated(&self, rate_hz: f64) -> Option<(Vec<f64>, usize)> {
-        let (pre_s, post_s) = (self.pre_s?, self.post_s?);
+        let pre_s = self.pre_s?;
+        let post_s = self.post_s?;
         let pulse = self.samples(rate_hz);
         let [before, after] = [pre_s, post_s].map(|s| (s * rate_hz) as usize);
         let count = before + pulse.len() + after;
@@ -211,13 +212,17 @@ impl ShockTest {
         if let Some((record, start)) = compensated {
             let outside = record[..start].iter().chain(&record[start + pulse..]);
             let largest = outside.fold(0.0_f64, |largest, sample| largest.max(sample.abs()));
-            let (mut velocity, mut place) = (0.0, 0.0);
-            let (mut fastest, mut low, mut high) = (0.0_f64, 0.0_f64, 0.0_f64);
+            let mut velocity = 0.0;
+            let mut place = 0.0;
+            let mut fastest = 0.0_f64;
+            let mut low = 0.0_f64;
+            let mut high = 0.0_f64;
             for sample in &record {
                 velocity += sample / rate_hz;
                 place += velocity / rate_hz;
                 fastest = fastest.max(velocity.abs());
-                (low, high) = (low.min(place), high.max(place));
+                low = low.min(place);
+                high = high.max(place);
             }
             figures.compensation = Some(largest / self.peak_m_s2);
             figures.velocity_peak_m_s = fastest;

@@ -60,7 +60,8 @@ impl SineLevel {
     /// Returns the frequency, Hz, at which two levels have the same acceleration: A₁ ω^p = A₂ ω^q. `None` if they are of the
     /// same kind.
     pub fn corner_hz(self, other: SineLevel) -> Option<f64> {
-        let ((a, p), (b, q)) = (self.parts(), other.parts());
+        let (a, p) = self.parts();
+        let (b, q) = other.parts();
         (p != q).then(|| libm::pow(b / a, 1.0 / (p - q)) / TAU)
     }
 }

@@ -65,7 +65,8 @@ impl SrsTest {
         let corners = corners(SECTION, section.breakpoints.as_deref(), section.file.as_deref(), read)?;
         let bands = |key, entry: &ToleranceEntry| Tolerance::of_bands(entry.bands(), place(key));
         let share = any_share(SECTION, "share", section.share)?.unwrap_or(1.0);
-        let (rest, rest_key) = (section.rest_tolerance_db.as_ref(), "rest_tolerance_db");
+        let rest = section.rest_tolerance_db.as_ref();
+        let rest_key = "rest_tolerance_db";
         if rest.is_none() && share < 1.0 {
             return Err(missing(SECTION, Some(rest_key), "it holds for the lines beyond `share`"));
         }

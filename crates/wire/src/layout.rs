@@ -159,7 +159,8 @@ impl Layout {
             ByteOrder::Intel => first_bit,
             ByteOrder::Motorola => 8 * bytes - first_bit - bits,
         };
-        let (first, last) = (first as u8, (needed - 1) as u8);
+        let first = first as u8;
+        let last = (needed - 1) as u8;
         Ok(Layout {
             start_bit: start_bit as u16,
             bits: bits as u8,

@@ -17,7 +17,8 @@ const TABLES: [[u8; 256]; 3] = {
     let mut tables = [[0; 256]; 3];
     let mut byte = 0;
     while byte < 256 {
-        let (mut crc, mut zeros) = (byte as u8, 0);
+        let mut crc = byte as u8;
+        let mut zeros = 0;
         while zeros < tables.len() {
             let mut bit = 0;
             while bit < 8 {
@@ -35,7 +36,8 @@ const TABLES: [[u8; 256]; 3] = {
 
 /// The CRC of a message with this data id: over the data id and all of `data` but byte 0, which is the CRC itself.
 pub const fn crc(data_id: u16, data: &[u8; 8]) -> u8 {
-    let ([low, high], [_, a, b, c, d, e, f, g]) = (data_id.to_le_bytes(), *data);
+    let [low, high] = data_id.to_le_bytes();
+    let [_, a, b, c, d, e, f, g] = *data;
     // Two bytes of the data id and seven of the frame: three steps of three bytes, without a rest.
     step(step(step(0, low, high, a), b, c, d), e, f, g)
 }

@@ -15,7 +15,8 @@ const TABLES: [[u16; 256]; 4] = {
     let mut tables = [[0; 256]; 4];
     let mut byte = 0;
     while byte < 256 {
-        let (mut crc, mut zeros) = ((byte as u16) << 8, 0);
+        let mut crc = (byte as u16) << 8;
+        let mut zeros = 0;
         while zeros < tables.len() {
             let mut bit = 0;
             while bit < 8 {

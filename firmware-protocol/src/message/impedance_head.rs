@@ -40,7 +40,8 @@ impl ImpedanceHead {
 
     pub(crate) fn decode(payload: &Payload) -> Result<ImpedanceHead, DecodeError> {
         let ([x, y], sample) = payload.to_measured(MessageKind::Head, FORCE, Self::SIGNALS)?;
-        let (x_saturated, y_saturated) = (x.saturated, y.saturated);
+        let x_saturated = x.saturated;
+        let y_saturated = y.saturated;
         Ok(ImpedanceHead { force_x_n: x.value, force_y_n: y.value, x_saturated, y_saturated, sample })
     }
 }

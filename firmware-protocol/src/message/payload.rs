@@ -60,7 +60,8 @@ impl Payload {
     ) -> Result<Payload, EncodeError> {
         let mut words = [0, 0, sample];
         for axis in 0..2 {
-            let (signal, got) = (signals[axis], values[axis]);
+            let signal = signals[axis];
+            let got = values[axis];
             words[axis] = match scale.count(got) {
                 Count::InRange(raw) => raw.cast_unsigned(),
                 Count::Beyond(_) => return Err(EncodeError::OutOfRange { kind, signal, got, limit: scale.max() }),
@@ -89,7 +90,8 @@ impl Payload {
         axes: [Measured; 2],
         sample: u16,
     ) -> Result<Payload, EncodeError> {
-        let (mut flags, mut words) = (0, [0, 0, sample]);
+        let mut flags = 0;
+        let mut words = [0, 0, sample];
         for (axis, Measured { value: got, saturated }) in axes.into_iter().enumerate() {
             let (raw, is_beyond) = match scale.count(got) {
                 Count::InRange(raw) => (raw, false),

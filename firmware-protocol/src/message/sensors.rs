@@ -54,7 +54,9 @@ impl SensorValues {
     }
 
     pub(super) fn all(&self) -> [Measured; 6] {
-        let ([a, b], [c, d], [e, f]) = (self.force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
+        let [a, b] = self.force_n;
+        let [c, d] = self.acceleration_b_m_s2;
+        let [e, f] = self.acceleration_c_m_s2;
         [a, b, c, d, e, f]
     }
 

@@ -206,7 +206,9 @@ impl<C: Answering> ExciterNode<C> {
         }
         self.link.announce(now_ns);
         // Parts of a sample from before the fault must not join those after it.
-        (self.head, self.b, self.plant_fault) = (None, None, None);
+        self.head = None;
+        self.b = None;
+        self.plant_fault = None;
         self.sequence = Sequence::new(self.link.hello().rate_hz);
         true
     }
@@ -322,7 +324,8 @@ impl<C: Answering> ExciterNode<C> {
     fn take_leaving(&mut self, now_ns: u64, emergency: Emergency) {
         self.link.core.note(NodeEvent::Emergency(emergency));
         // Whatever node comes next has to say hello first, like after a boot.
-        (self.plant_hello, self.plant_state) = (None, None);
+        self.plant_hello = None;
+        self.plant_state = None;
         self.work.plant_ended(&mut self.link.core);
         self.link.announce(now_ns);
     }

@@ -249,7 +249,9 @@ mod tests {
         core.note(note(2));
         assert!(core.fail(emergency) && !core.fail(emergency));
         core.note(note(3));
-        let (boot, idle, fault) = (NodeState::BootUp, NodeState::PreOperational, NodeState::Fault);
+        let boot = NodeState::BootUp;
+        let idle = NodeState::PreOperational;
+        let fault = NodeState::Fault;
         let expected = [
             note(1),
             NodeEvent::State { from: boot, to: idle },

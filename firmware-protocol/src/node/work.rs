@@ -141,14 +141,16 @@ impl<C: Answering> Work<C> {
             // One of `every` samples is answered, so at a distance of `every` none is missing.
             self.missed += (ahead / every).saturating_sub(1);
         }
-        (self.answered, self.last_index) = (Some(sample), sample as u16);
+        self.answered = Some(sample);
+        self.last_index = sample as u16;
         self.sample_heard_ns = core.listening.listened_ns();
         sample
     }
 
     /// Begins to disarm the plant; the work ends with this outcome once the plant has answered.
     pub fn disarm(&mut self, core: &mut NodeCore, outcome: ExciterOutcome<C::Abort>) {
-        (self.phase, self.tries) = (Phase::Disarming(outcome), 1);
+        self.phase = Phase::Disarming(outcome);
+        self.tries = 1;
         core.turn(StateEvent::Disarm);
     }
 
@@ -214,7 +216,9 @@ impl<C: Answering> Work<C> {
         }
         core.turn(StateEvent::Reset);
         // Samples count from arming, so that the controller begins at sample 0 again.
-        (self.phase, self.answered, self.last_index) = (Phase::Arming, None, 0);
+        self.phase = Phase::Arming;
+        self.answered = None;
+        self.last_index = 0;
         self.controller.restart();
         // By the first attempt the plant has said its state.
         self.asked(now_ns);

@@ -211,7 +211,8 @@ impl AuditBench {
             UnderTest::Scenario { table, folder, origin } => {
                 let word = word(stimulus, base).map(|(word, at)| (word, at as f64 / self.scenario.simulation.rate_hz));
                 let controller = controller_of_run(table, folder, origin, &spec, word)?;
-                (scenario.control, scenario.excitation) = (controller.control, controller.excitation);
+                scenario.control = controller.control;
+                scenario.excitation = controller.excitation;
                 scenario.limits = controller.limits;
                 let session = Session::new(scenario, Mode::Free, options)?;
                 let report = session.both(&RunSignals::default(), &mut |_| {})?;
@@ -221,7 +222,9 @@ impl AuditBench {
             }
             UnderTest::Command { bus, words, operator } => {
                 // Whatever the plant's scenario says of a controller, it is the command that controls.
-                (scenario.control, scenario.excitation, scenario.limits) = (None, None, None);
+                scenario.control = None;
+                scenario.excitation = None;
+                scenario.limits = None;
                 // A controller that is told to start again may have disarmed the plant.
                 let options = Options { end_on_disarm: !matches!(stimulus, Stimulus::Restart), ..options };
                 // While a word is said, the nodes wait for each other.

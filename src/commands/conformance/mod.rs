@@ -144,7 +144,8 @@ fn check_carried(network: Network, flag: &str, force_n: Option<f64>) -> Result<(
         // The encoder itself is asked, so that the limit is that of the frames and stated in one place only.
         Err(EncodeError::OutOfRange { limit, .. }) => {
             let more = if profile == Profile::Classic { "; use --profile fd, which carries more" } else { "" };
-            let (force_n, limit) = (short(&force_n), short(&limit));
+            let force_n = short(&force_n);
+            let limit = short(&limit);
             Err(Failure::usage(format!(
                 "{flag} is {force_n} N, but commands of the {profile} profile reach only ±{limit} N{more}"
             )))
@@ -165,10 +166,8 @@ impl Conformance {
     fn on_network(&self) -> Result<Verdict, Failure> {
         let address = self.bus.parse()?;
         let network = self.network.network()?;
-        let (settings, cases) = (
-            self.settings(Some(network))?,
-            chosen(conformance::cases(self.role, self.mode), |case| case.id, &self.cases)?,
-        );
+        let settings = self.settings(Some(network))?;
+        let cases = chosen(conformance::cases(self.role, self.mode), |case| case.id, &self.cases)?;
         let configuration = conformance::configuration(self.role, network, settings);
         let run = |case: &ProtocolCase, wire: &mut BusWire| conformance::run(case, wire, network, settings);
         self.report_on(&address, &cases, (&configuration, &REQUIREMENTS), run)
@@ -234,7 +233,8 @@ impl Conformance {
         mut run: impl FnMut(&Case<S>, &mut BusWire) -> Result<Finding, BusError>,
         commands: &mut Commands,
     ) -> Result<(Vec<Row>, Option<BusError>), Failure> {
-        let (mut rows, mut lost) = (Vec::new(), None);
+        let mut rows = Vec::new();
+        let mut lost = None;
         for case in cases {
             // The remaining cases are listed as not run, so that a report names every case whatever happened to the
             // bus.
@@ -284,7 +284,8 @@ impl Conformance {
             ("--beyond-n", self.beyond_n),
             ("--beyond-travel-n", self.beyond_travel_n),
         ];
-        let (of_plant, of_exciter) = (Some(Node::Plant), Some(Node::Exciter));
+        let of_plant = Some(Node::Plant);
+        let of_exciter = Some(Node::Exciter);
         let all = [
             (force.0, "N", force.1, None),
             ("--torque-nm", "N m", Some(self.torque_nm), None),

@@ -168,7 +168,8 @@ impl Fig9 {
                 "the structure has {count} mode, but the experiment passes through the resonances of two"
             )));
         };
-        let (first_hz, second_hz) = (first.frequency_hz, second.frequency_hz);
+        let first_hz = first.frequency_hz;
+        let second_hz = second.frequency_hz;
         let halfway_hz = 0.5 * (first_hz + second_hz);
         for (flag, got_n) in [("--first-force-n", self.first_force_n), ("--second-force-n", self.second_force_n)] {
             if !(got_n.is_finite() && got_n > 0.0) {
@@ -184,7 +185,8 @@ impl Fig9 {
             return Err(Failure::value("--to-hz", self.to_hz, why));
         }
         if !(self.step_hz > 0.0 && self.to_hz - self.from_hz <= MOST_STEPS * self.step_hz) {
-            let (from_hz, to_hz) = (short(&self.from_hz), short(&self.to_hz));
+            let from_hz = short(&self.from_hz);
+            let to_hz = short(&self.to_hz);
             let why = format!("it must be positive, with at most {MOST_STEPS} steps from {from_hz} to {to_hz} Hz");
             return Err(Failure::value("--step-hz", self.step_hz, why));
         }
@@ -206,7 +208,8 @@ impl Fig9 {
 
 /// Makes all runs, with one progress bar for them together.
 fn measure(scenario: &Scenario, zones: &[Zone], experiment: ZoneExperiment) -> Result<Vec<ZoneMeasured>, Failure> {
-    let (experiment, scenario) = (Arc::new(experiment), scenario.clone());
+    let experiment = Arc::new(experiment);
+    let scenario = scenario.clone();
     let watched = Arc::clone(&experiment);
     // The experiment runs many sessions, each with its own signals. Their counts and the request to stop are passed
     // on between them and the progress bar over the whole.
@@ -280,7 +283,9 @@ fn text(document: &Document) -> String {
             let distortion = run.distortion().map_or(String::new(), |distortion| {
                 format!(", distortion of the force up to {:.1} %", 100.0 * distortion)
             });
-            let (points, settled, outcome) = (run.points.len(), run.settled(), &run.end.outcome);
+            let points = run.points.len();
+            let settled = run.settled();
+            let outcome = &run.end.outcome;
             text += &format!("  {name:<9} {points:4} points, {settled} settled{distortion}, {outcome}{reason}\n");
         }
         text.push_str(

@@ -95,11 +95,13 @@ pub(super) fn figure(recording: &Recording, summary: &RecordingSummary) -> Resul
             // The end of a run has a state but no load.
             Record::State(state) if state.is_end => {}
             Record::State(state) => {
-                let (values, span) = (state.values(), span(state.sample));
+                let values = state.values();
+                let span = span(state.sample);
                 states.iter_mut().zip(&*values).for_each(|(envelope, value)| envelope.add(span, *value));
             }
             Record::Sample(readings) => {
-                let (values, span) = (readings.values(), span(readings.sample));
+                let values = readings.values();
+                let span = span(readings.sample);
                 let bits = readings.clipped_bits();
                 for (envelope, value) in samples.iter_mut().zip(&*values) {
                     envelope.add(span, *value);

@@ -111,12 +111,14 @@ fn shown<'a>(branches: impl Iterator<Item = &'a ForcedBranch>, panel: &Panel) ->
     let peak =
         |branch: &ForcedBranch| branch.orbits.iter().map(|orbit| branch.size(orbit, reading)).fold(0.0, f64::max);
     let highest = branches.iter().fold(0.0_f64, |highest, branch| highest.max(peak(branch)));
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut low = f64::INFINITY;
+    let mut high = f64::NEG_INFINITY;
     for branch in branches {
         // The second bound keeps at least the upper half of a curve that is small beside the others.
         let level = (SHOWN * highest).min(0.5 * peak(branch));
         for orbit in branch.orbits.iter().filter(|orbit| branch.size(orbit, reading) >= level) {
-            (low, high) = (low.min(abscissa(panel, orbit)), high.max(abscissa(panel, orbit)));
+            low = low.min(abscissa(panel, orbit));
+            high = high.max(abscissa(panel, orbit));
         }
     }
     [low - MARGIN * (high - low), high + MARGIN * (high - low)]
@@ -171,7 +173,8 @@ fn named_at(branch: &ForcedBranch, panel: &Panel, range: [f64; 2]) -> Named {
     // A zone that is cut off by the panel may rise to the edge: neither that is a peak, nor anything lower than the
     // edge.
     let peak = |zone: [f64; 2]| {
-        let (from, to) = (zone[0].max(range[0]), zone[1].min(range[1]));
+        let from = zone[0].max(range[0]);
+        let to = zone[1].min(range[1]);
         let highest = branch.size(branch.peak(reading, [from, to]).ok()?, reading);
         let top =
             maxima.iter().find(|top| (from..=to).contains(&top.frequency_hz) && top.amplitude_rad >= SAME * highest)?;

@@ -49,7 +49,8 @@ fn line(x: impl Fn(usize) -> f64, values: &[f64]) -> Vec<(f64, f64)> {
     for start in (0..values.len()).step_by(stretch) {
         let places = start..(start + stretch).min(values.len());
         let by = |a: &usize, b: &usize| values[*a].total_cmp(&values[*b]);
-        let (low, high) = (places.clone().min_by(by).unwrap_or(start), places.max_by(by).unwrap_or(start));
+        let low = places.clone().min_by(by).unwrap_or(start);
+        let high = places.max_by(by).unwrap_or(start);
         // In the order of time, so that the line does not run back.
         points.extend([low.min(high), low.max(high)].map(|place| (x(place), values[place])));
     }
@@ -120,7 +121,8 @@ pub(super) fn time(signals: &Signals) -> Shown {
 
 /// Values of channels over those of the first.
 pub(super) fn xy(signals: &Signals) -> Shown {
-    let (of_x, x) = (&signals.channels[0], &signals.values[0]);
+    let of_x = &signals.channels[0];
+    let x = &signals.values[0];
     let mut shown = Shown::new(map(json!({ "x": x })), (of_x.name.as_str(), x.clone()));
     for (channel, values) in signals.channels.iter().zip(&signals.values).skip(1) {
         let points = x.iter().copied().zip(values.iter().copied()).collect();
@@ -159,7 +161,8 @@ pub(super) fn histogram(signals: &Signals) -> Shown {
             .with(Series::line("normal distribution", Color::Vermillion, curve));
         let mut numbers = map(json!(statistics));
         numbers.extend(map(json!({ "edges": &edges, "density": &density })));
-        let (skewness, kurtosis) = (rounded(&statistics.skewness, 4), rounded(&statistics.kurtosis, 4));
+        let skewness = rounded(&statistics.skewness, 4);
+        let kurtosis = rounded(&statistics.kurtosis, 4);
         let text = format!("{}  skewness {skewness}, kurtosis {kurtosis}\n", statistics.text(channel));
         let columns = vec![
             (format!("{}_from", channel.name), edges[..CLASSES].to_vec()),
@@ -240,7 +243,8 @@ pub(super) fn frf(signals: &Signals, segments: &Segments) -> Result<Shown, Spect
     // Without a relation the coherence is above this in 5 % of the lines: 1 − 0.05^(1/(n − 1)), n = ν/2 (Bendat, Piersol).
     let noise = 1.0 - libm::pow(0.05, 1.0 / (0.5 * spectra.degrees_of_freedom - 1.0).max(1.0));
     for (output, channel) in signals.channels.iter().skip(1).enumerate() {
-        let (response, coherence) = (&found.responses[output][0], &found.coherence[output]);
+        let response = &found.responses[output][0];
+        let coherence = &found.coherence[output];
         let unit = format!("{} per {}", channel.quantity.unit(), reference.quantity.unit());
         let modulus: Vec<f64> = response.iter().map(|value| libm::hypot(value.re, value.im)).collect();
         let phase_deg: Vec<f64> = response.iter().map(|value| libm::atan2(value.im, value.re).to_degrees()).collect();

@@ -167,7 +167,8 @@ impl Plot {
         let first = self.check(&signals)?;
         let clipped = signals.channels.iter().zip(&signals.clipped).filter(|(_, count)| **count > 0);
         for (channel, count) in clipped {
-            let (name, all) = (channel.name, signals.count());
+            let name = channel.name;
+            let all = signals.count();
             tracing::warn!("{count} of {all} values of {name} are clipped: what is shown of it is wrong");
         }
         let shown = self.shown(&signals)?;
@@ -180,7 +181,8 @@ impl Plot {
             channels.insert(channel.name.to_string(), Value::Object(own));
         }
         let document = Document { configuration: self.configuration(&signals), common: shown.common, channels };
-        let (mut panels, columns) = (shown.panels, shown.columns);
+        let mut panels = shown.panels;
+        let columns = shown.columns;
         panels.iter_mut().for_each(|panel| self.limit(panel, signals.rate_hz));
         let figure = || {
             let figure = Figure::new(self.of.title()).subtitle(self.file.display().to_string());
@@ -222,7 +224,8 @@ impl Plot {
                 "{shown} channels are too many for a figure: choose up to {MOST_CHANNELS}, or leave --plot out"
             )));
         }
-        let (from_hz, to_hz) = (self.from_hz.unwrap_or(0.0), self.to_hz.unwrap_or(f64::INFINITY));
+        let from_hz = self.from_hz.unwrap_or(0.0);
+        let to_hz = self.to_hz.unwrap_or(f64::INFINITY);
         if !(from_hz >= 0.0 && from_hz < to_hz) || (self.of == Kind::Srs && self.from_hz == Some(0.0)) {
             return Err(Failure::usage("--from-hz and --to-hz must rise, from 0 on; of srs they are above 0"));
         }
@@ -254,7 +257,8 @@ impl Plot {
             Some(segment_s) => {
                 let length = libm::round(segment_s * signals.rate_hz);
                 if !(2.0..=count as f64).contains(&length) {
-                    let (longest, got) = (count as f64 / signals.rate_hz, short(&segment_s));
+                    let longest = count as f64 / signals.rate_hz;
+                    let got = short(&segment_s);
                     return Err(Failure::usage(format!(
                         "--segment-s is {got} s: it must be at least two samples, and at most the length of the record, \
                          {} s",

@@ -79,7 +79,8 @@ impl Homotopy {
     /// element with the stiffness that this way begins with. `deflection` is the size of the displacements.
     pub fn new(balance: &Balance, from: StartStructure, deflection: f64) -> Option<Homotopy> {
         let balance = balance.clone();
-        let (m, assembly) = (balance.unknowns.count(), balance.forced.assembly());
+        let m = balance.unknowns.count();
+        let assembly = balance.forced.assembly();
         let share = match from {
             StartStructure::Linear => 0.0,
             StartStructure::Closed { share } => share,
@@ -97,7 +98,8 @@ impl Homotopy {
             any |= added > 0.0;
             match &balance.unknowns.body {
                 Body::Chain => {
-                    let (rest, mut direction) = (vec![0.0; m], vec![0.0; m]);
+                    let rest = vec![0.0; m];
+                    let mut direction = vec![0.0; m];
                     assembly.at(&rest).element_direction(element, &mut direction);
                     for (pair, stiffness) in start.stiffness.iter_mut().enumerate() {
                         *stiffness += added * direction[pair / m] * direction[pair % m];
@@ -162,14 +164,17 @@ impl Homotopy {
     /// Returns the forces of the linear structure, as [`Balance`] has those of the elements. With x = c cos + s sin, the
     /// velocity of a harmonic is kω (s cos − c sin).
     fn start_load(&self, x: &[f64]) -> Vec<f64> {
-        let (balance, mut load) = (&self.balance, vec![0.0; x.len()]);
-        let (m, omega) = (balance.unknowns.count(), balance.omega_rad_s());
+        let balance = &self.balance;
+        let mut load = vec![0.0; x.len()];
+        let m = balance.unknowns.count();
+        let omega = balance.omega_rad_s();
         for k in 0..=balance.harmonics {
             let rows = Pair::of(k, m);
             for i in 0..m {
                 let mut sum = [0.0; 2];
                 for j in 0..m {
-                    let ([c, s], [stiff, damp]) = (rows.at(x, j), self.at_rate(k as f64 * omega, i * m + j));
+                    let [c, s] = rows.at(x, j);
+                    let [stiff, damp] = self.at_rate(k as f64 * omega, i * m + j);
                     sum[0] += stiff * c + damp * s;
                     sum[1] += stiff * s - damp * c;
                 }
@@ -191,13 +196,17 @@ impl Homotopy {
 
     /// Changes the balance's operator to that of the mixture of forces with the share s.
     fn mix_operator(&mut self, s: f64) {
-        let (m, size, omega) = (self.balance.unknowns.count(), self.balance.load.len(), self.balance.omega_rad_s());
+        let m = self.balance.unknowns.count();
+        let size = self.balance.load.len();
+        let omega = self.balance.omega_rad_s();
         let mut operator = core::mem::take(&mut self.balance.operator);
         operator.iter_mut().for_each(|by| *by *= s);
         for k in 0..=self.balance.harmonics {
             let Pair { first, second } = Pair::of(k, m);
             for pair in 0..m * m {
-                let (i, j, [stiff, damp]) = (pair / m, pair % m, self.at_rate(k as f64 * omega, pair));
+                let i = pair / m;
+                let j = pair % m;
+                let [stiff, damp] = self.at_rate(k as f64 * omega, pair);
                 let mut add = |row: usize, column: usize, by: f64| {
                     operator[(column + j) * size + row + i] += (1.0 - s) * by;
                 };
@@ -228,10 +237,12 @@ impl System for Homotopy {
     }
 
     fn evaluate(&mut self, x: &[f64], s: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
-        let (size, amplitude) = (x.len(), self.balance.forced.amplitude);
+        let size = x.len();
+        let amplitude = self.balance.forced.amplitude;
         self.balance.evaluate_orbit(x);
         self.balance.linearise();
-        let (start, whole) = (self.start_load(x), self.balance.load.clone());
+        let start = self.start_load(x);
+        let whole = self.balance.load.clone();
         let change: Vec<f64> = whole.iter().zip(&start).map(|(whole, start)| whole - start).collect();
         let mixed: Vec<f64> = start.iter().zip(&change).map(|(start, change)| start + s * change).collect();
         self.mix_operator(s);

@@ -61,7 +61,8 @@ impl Solver {
         self.is_distant = false;
         self.z.clear();
         self.z.extend_from_slice(plane.through);
-        let (mut first, mut before) = (0.0, f64::INFINITY);
+        let mut first = 0.0;
+        let mut before = f64::INFINITY;
         for iteration in 0..limit {
             self.linearise(system, plane)?;
             self.right[n] = dot(plane.normal, &self.z) - dot(plane.normal, plane.through);

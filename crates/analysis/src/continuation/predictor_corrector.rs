@@ -73,7 +73,8 @@ impl Continuation {
             through[..n].copy_from_slice(&solver.z[..n]);
         }
         let mut tangent = Vec::new();
-        let (size, plane) = (settings.size(&through[..n]), Plane { normal: &normal, through: &through, sigma });
+        let size = settings.size(&through[..n]);
+        let plane = Plane { normal: &normal, through: &through, sigma };
         solver
             .tangent(system, &plane, size, &mut tangent)
             .map_err(|refusal| AnalysisError::NoSolution { at: system.place(lambda), refusal })?;
@@ -142,7 +143,8 @@ impl Continuation {
                     self.solver.work.rejections += 1;
                     self.step = 0.5 * step;
                     if self.step < self.settings.smallest_step {
-                        let (at, arclength) = (system.place(self.point.lambda), self.point.arclength);
+                        let at = system.place(self.point.lambda);
+                        let arclength = self.point.arclength;
                         return Err(AnalysisError::Stuck { at, arclength, step: self.step, refusal });
                     }
                 }
@@ -234,7 +236,8 @@ impl Continuation {
     /// # Errors
     /// [`AnalysisError::NoSolution`] if Newton's method finds no solution there.
     pub fn resize(&mut self, system: &mut impl System) -> Result<(), AnalysisError> {
-        let (old, n) = (self.point.x.len(), system.dimension());
+        let old = self.point.x.len();
+        let n = system.dimension();
         let fit = |z: &mut Vec<f64>| {
             let last = z[old];
             z.truncate(n.min(old));
@@ -246,7 +249,8 @@ impl Continuation {
         fit(&mut self.curvature);
         self.begin_at_point();
         let size = self.settings.size(&self.point.x);
-        let (lambda, is_first) = (self.point.lambda, self.point.arclength == 0.0);
+        let lambda = self.point.lambda;
+        let is_first = self.point.arclength == 0.0;
         let mut along_lambda = Vec::new();
         if is_first {
             along_lambda.resize(n, 0.0);

@@ -87,7 +87,8 @@ impl Slices {
         [a, b]: [&Point; 2],
         fraction: f64,
     ) -> Result<Point, AnalysisError> {
-        let (n, sigma) = (self.n, self.sigma);
+        let n = self.n;
+        let sigma = self.sigma;
         let through: Vec<f64> = self.z(a).iter().zip(&self.z(b)).map(|(a, b)| a + fraction * (b - a)).collect();
         let plane = Plane { normal: &self.normal, through: &through, sigma };
         let mut tangent = Vec::new();
@@ -151,7 +152,8 @@ mod tests {
 
         fn evaluate(&mut self, x: &[f64], lambda: f64, residual: &mut [f64], matrix: &mut [f64]) -> bool {
             residual[0] = x[0] * (x[0] - lambda);
-            (matrix[0], matrix[2]) = (2.0 * x[0] - lambda, -x[0]);
+            matrix[0] = 2.0 * x[0] - lambda;
+            matrix[2] = -x[0];
             true
         }
     }
@@ -161,7 +163,8 @@ mod tests {
         let settings = ContinuationSettings::default();
         let [a, b] = [-1.0, 3.0]
             .map(|lambda| Continuation::start(&mut Crossing, settings, &[0.0], lambda, 1.0).unwrap().point().clone());
-        let (a, b) = (Point { arclength: 0.0, ..a }, Point { arclength: 4.0, ..b });
+        let a = Point { arclength: 0.0, ..a };
+        let b = Point { arclength: 4.0, ..b };
         let mut slices = Slices::new(1, &settings, [&a, &b], Cut::Parameter);
         let at = |slices: &mut Slices, fraction| slices.solve_beside(&mut Crossing, [&a, &b], fraction).unwrap();
         assert!(slices.solve(&mut Crossing, [&a, &b], 0.25).is_err());

@@ -119,7 +119,9 @@ impl Searcher<'_> {
 
     /// Returns the responses of a branch at the frequency of a balance, with as many unknowns as it has.
     fn crossings(&self, branch: &Branch, balance: &Balance) -> Vec<Vec<f64>> {
-        let (frequency_hz, n, m) = (balance.frequency_hz, balance.dimension(), balance.unknowns.count());
+        let frequency_hz = balance.frequency_hz;
+        let n = balance.dimension();
+        let m = balance.unknowns.count();
         // With its folds, the branch passes the frequency at most once between two points.
         let folds = branch.bifurcations.iter().filter(|found| found.kind == BifurcationKind::Fold);
         let mut orbits: Vec<_> = branch.orbits.iter().chain(folds.map(|fold| &fold.orbit)).collect();
@@ -143,7 +145,8 @@ impl Searcher<'_> {
 
 /// Returns a random start: a first harmonic, with a size and a phase of its own for each unknown.
 fn start(sizes: &[f64], dimension: usize, noise: &mut Noise) -> Vec<f64> {
-    let (m, mut x) = (sizes.len(), vec![0.0; dimension]);
+    let m = sizes.len();
+    let mut x = vec![0.0; dimension];
     // Even on a logarithmic scale, so that small responses are tried as often as large ones.
     let ratio = libm::log(SHARES[1] / SHARES[0]);
     for (i, size) in sizes.iter().enumerate() {
@@ -192,7 +195,8 @@ impl Newton {
                 let r2 = dot(&away, &away) / size;
                 gradient -= 2.0 * dot(&away, &self.step) / (size * r2 * r2 * (1.0 + 1.0 / r2));
             }
-            let (size, length) = (norm(x), norm(&self.step) / (1.0 - gradient).abs());
+            let size = norm(x);
+            let length = norm(&self.step) / (1.0 - gradient).abs();
             if !length.is_finite() || (step >= WANDERS.0 && length > WANDERS.1 * size) {
                 return false;
             }

@@ -168,7 +168,8 @@ impl Impulse {
         h: f64,
         flow: &mut Rows,
     ) -> Option<()> {
-        let (n, width) = (of.unknowns(), flow.width);
+        let n = of.unknowns();
+        let width = flow.width;
         let [mass, left, stiffness, damping] = &mut self.matrices;
         for (at, mass) in mass.iter_mut().enumerate() {
             *mass = of.by(2, [at / n, at % n], point);

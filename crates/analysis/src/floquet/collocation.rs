@@ -69,7 +69,8 @@ fn flow<const N: usize, const W: usize>(
     let steps = steps_for(TAU * fastest_hz / balance.base_hz(), balance.harmonics());
     // The drive is a function, too.
     let harmonics = balance.harmonics().max(balance.period());
-    let (tableau, h) = (Tableau::new(), TAU / steps as f64);
+    let tableau = Tableau::new();
+    let h = TAU / steps as f64;
     let mut flow = [[0.0; W]; W];
     (0..W).for_each(|i| flow[i][i] = 1.0);
     let mut matrix = vec![0.0; S * N * S * N];
@@ -108,7 +109,8 @@ impl<const N: usize> Rates<N> {
     fn new<const W: usize>(samples: &Samples, point: usize, omega_rad_s: f64) -> Option<Rates<N>> {
         let count = samples.count();
         let by = |derivative: usize, i: usize, j: usize| samples.by[derivative][(i * N + j) * count + point];
-        let (mut mass, mut right) = ([[0.0; N]; N], [[0.0; W]; N]);
+        let mut mass = [[0.0; N]; N];
+        let mut right = [[0.0; W]; N];
         let scales = [-1.0 / (omega_rad_s * omega_rad_s), -1.0 / omega_rad_s];
         for i in 0..N {
             for j in 0..N {
@@ -148,7 +150,8 @@ fn step<const N: usize, const W: usize>(
         for (r, right) in stage.iter_mut().enumerate() {
             let row = &mut matrix[(i * N + r) * S * N..(i * N + r + 1) * S * N];
             for (j, block) in row.chunks_exact_mut(N).enumerate() {
-                let (a, a2) = (h * tableau.a[i][j], h * h * tableau.a_squared[i][j]);
+                let a = h * tableau.a[i][j];
+                let a2 = h * h * tableau.a_squared[i][j];
                 for (k, entry) in block.iter_mut().enumerate() {
                     *entry = -(a2 * by_position[r][k] + a * by_velocity[r][k]);
                 }
@@ -165,7 +168,8 @@ fn step<const N: usize, const W: usize>(
     let (positions, velocities) = flow.split_at_mut(N);
     for (k, (position, velocity)) in positions.iter_mut().zip(velocities).enumerate() {
         for column in 0..W {
-            let (mut moved, mut pushed) = (h * velocity[column], 0.0);
+            let mut moved = h * velocity[column];
+            let mut pushed = 0.0;
             for (i, stage) in stages.iter().enumerate() {
                 moved += h * h * tableau.b_bar[i] * stage[k][column];
                 pushed += h * tableau.b[i] * stage[k][column];

@@ -64,12 +64,14 @@ impl Found {
 
     /// Adds the nearest new exponent to s: the first that is near, or else the nearest of some.
     fn add_near(&mut self, varied: &Varied, s: Complex<f64>, fastest_rad_s: f64) {
-        let (period_s, mut best) = (TAU / varied.omega, None);
+        let period_s = TAU / varied.omega;
+        let mut best = None;
         let from = over_period(s, period_s);
         for harmonic in strongest(varied, s, fastest_rad_s) {
             let Some(polished) = polish(varied, varied.rate(s, harmonic)) else { continue };
             let at = over_period(polished, period_s);
-            let (off, is_new) = (apart(at, from), !self.has(at));
+            let off = apart(at, from);
+            let is_new = !self.has(at);
             if is_new && best.is_none_or(|(_, least)| off < least) {
                 best = Some((at, off));
                 if off < NEAR {
@@ -109,8 +111,10 @@ pub(super) fn stability(of: &mut Variations) -> Option<Stability> {
     let balance = of.balance;
     let Body::Condensed(condensed) = &balance.unknowns.body else { return None };
     let mut varied = Varied::new(of, condensed)?;
-    let (modes, period_s) = (condensed.modes.len(), TAU / varied.omega);
-    let (mut found, mut together) = (Found { exponents: Vec::with_capacity(2 * modes) }, Vec::new());
+    let modes = condensed.modes.len();
+    let period_s = TAU / varied.omega;
+    let mut found = Found { exponents: Vec::with_capacity(2 * modes) };
+    let mut together = Vec::new();
     for mode in 0..modes {
         match sweep(&mut varied, mode) {
             Some(s) => found.add(over_period(s, period_s)),
@@ -184,7 +188,8 @@ fn guesses(
     let [stiffness, damping, _] = &mut of.samples.by;
     for (s, g) in stiffness.iter_mut().zip(damping) {
         let share = 1.0 / (1.0 + gives * *s);
-        (*s, *g) = (*s * share, *g * share * share);
+        *s *= share;
+        *g = *g * share * share;
     }
     multipliers(modal::flow(of, &own, [2, 1])?)
 }

@@ -131,7 +131,8 @@ impl Variations<'_> {
 
     /// Returns the element of a state at a point.
     pub fn geometry(&self, state: usize, point: usize) -> Geometry {
-        let (m, history) = (self.unknowns(), &self.samples.histories[self.states[state]]);
+        let m = self.unknowns();
+        let history = &self.samples.histories[self.states[state]];
         let [u, v] = [0, 1].map(|d| &self.samples.motion[d][point * m..(point + 1) * m]);
         geometry(&self.balance.forced, &self.balance.unknowns, history.element, u, v)
     }
@@ -146,7 +147,9 @@ impl Variations<'_> {
             let by_velocity = f64::from(u8::from(stuck));
             return StateVariation { by_velocity, by_state: stuck.then_some(0.0), force: stiffness };
         }
-        let (x, v, z) = (history.position[point], history.velocity[point], history.state[point]);
+        let x = history.position[point];
+        let v = history.velocity[point];
+        let z = history.state[point];
         let rate = element.state_rate(x, v, z);
         let force = element.force(x, v, z).by_state;
         StateVariation { by_velocity: rate.by_velocity, by_state: Some(rate.by_state), force }
@@ -212,7 +215,8 @@ impl Floquet {
     /// are allowed. Where elements are stiffer along the response than the modes, or its period is a multiple of the
     /// drive's, the first steps may be too long.
     fn by_fine_flow(&mut self, balance: &Balance, x: &[f64]) -> Option<Stability> {
-        let (smooth, mut steps) = (balance.forced.assembly().is_smooth(), steps(balance));
+        let smooth = balance.forced.assembly().is_smooth();
+        let mut steps = steps(balance);
         let most = MOST_REFINED * steps;
         loop {
             let Flowed { stability, error } = self.with(balance, x, steps, |variations| by_flow(variations))?;
@@ -244,7 +248,8 @@ impl Floquet {
 fn steps(balance: &Balance) -> f64 {
     let assembly = balance.forced.assembly();
     let fastest_hz = assembly.modes().last().map_or(0.0, |mode| mode.frequency_hz);
-    let (smooth, condensed) = (assembly.is_smooth(), matches!(balance.unknowns.body, Body::Condensed(_)));
+    let smooth = assembly.is_smooth();
+    let condensed = matches!(balance.unknowns.body, Body::Condensed(_));
     let of_modes = STEPS[usize::from(!condensed)] * fastest_hz / balance.base_hz();
     let of_harmonics = STEPS[2] * balance.harmonics() as f64;
     of_modes.max(of_harmonics).max(LEAST_STEPS[usize::from(!smooth)])
@@ -279,21 +284,25 @@ fn compared(multipliers: Vec<Complex<f64>>, coarse: &[Complex<f64>]) -> Option<F
     let accuracy = (size - largest(coarse)?).abs();
     // Sums of powers are smooth functions of the flow where multipliers meet, and real.
     let sums = |of: &[Complex<f64>]| [of.iter().map(|mu| mu.re).sum::<f64>(), of.iter().map(|mu| (mu * mu).re).sum()];
-    let ([first, second], [of_coarse, second_of_coarse], size) = (sums(&multipliers), sums(coarse), size.max(1.0));
+    let [first, second] = sums(&multipliers);
+    let [of_coarse, second_of_coarse] = sums(coarse);
+    let size = size.max(1.0);
     let error = ((first - of_coarse) / size).abs().max(((second - second_of_coarse) / (size * size)).abs());
     Some(Flowed { stability: Stability { multipliers, accuracy, conservative: false }, error })
 }
 
 /// Computes the stability by flows over the period, extrapolated for smooth responses.
 fn extrapolated(flow: impl Fn(usize) -> Option<DMatrix<f64>>, balance: &Balance) -> Option<Flowed> {
-    let (finest, middle) = (flow(2)?, flow(4)?);
+    let finest = flow(2)?;
+    let middle = flow(4)?;
     if !balance.forced.assembly().is_smooth() {
         return compared(multipliers(finest)?, &multipliers(middle)?);
     }
     let coarsest = flow(8)?;
     let (whole, coarse) = if libm::log(finest.determinant().abs()) > LEAST_LOG {
         let [fourth, eighth] = [middle, coarsest].map(|other| distance(&other, &finest));
-        let (fourth, eighth) = (fourth?, eighth?);
+        let fourth = fourth?;
+        let eighth = eighth?;
         (moved(&finest, &((eighth - &fourth * 20.0) / 45.0))?, moved(&finest, &(fourth / -3.0))?)
     } else {
         let coarse = (&finest * 4.0 - &middle) / 3.0;
@@ -311,13 +320,15 @@ fn distance(other: &DMatrix<f64>, flow: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 
 /// Returns (1 − W/2)⁻¹ (1 + W/2) Φ; `None` if it does not exist.
 fn moved(flow: &DMatrix<f64>, by: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let (one, half) = (DMatrix::identity(flow.nrows(), flow.nrows()), by * 0.5);
+    let one = DMatrix::identity(flow.nrows(), flow.nrows());
+    let half = by * 0.5;
     (&one - &half).lu().solve(&((one + half) * flow))
 }
 
 /// Adds friction that doesn't slip as a spring.
 fn add_stuck_friction(balance: &Balance, samples: &mut Samples) {
-    let (m, count) = (balance.unknowns.count(), samples.count());
+    let m = balance.unknowns.count();
+    let count = samples.count();
     for history in samples.histories.iter().filter(|history| !history.forgets) {
         let Law::Friction { stiffness, .. } = balance.forced.assembly().elements()[history.element].law else {
             continue;
@@ -336,9 +347,11 @@ fn add_stuck_friction(balance: &Balance, samples: &mut Samples) {
 fn average(samples: &mut Samples) {
     let count = samples.count();
     for signal in samples.by.iter_mut().flat_map(|signal| signal.chunks_exact_mut(count)) {
-        let (first, mut before) = (signal[0], signal[count - 1]);
+        let first = signal[0];
+        let mut before = signal[count - 1];
         for j in 0..count {
-            let (here, after) = (signal[j], if j + 1 < count { signal[j + 1] } else { first });
+            let here = signal[j];
+            let after = if j + 1 < count { signal[j + 1] } else { first };
             signal[j] = 0.25 * (before + after) + 0.5 * here;
             before = here;
         }

@@ -37,12 +37,15 @@ type Block = [[f64; 2]; 2];
 fn block(&[omega, zeta]: &[f64; 2], t: f64) -> Block {
     // Rigid and overdamped modes have no damped frequency to divide by.
     if omega == 0.0 || zeta >= 1.0 {
-        let (sigma, [c, s]) = (zeta * omega, mode_transient(omega, zeta, t));
+        let sigma = zeta * omega;
+        let [c, s] = mode_transient(omega, zeta, t);
         return [[c + sigma * s, s], [-omega * omega * s, c - sigma * s]];
     }
-    let (decay, damped) = (zeta * omega, omega * libm::sqrt(1.0 - zeta * zeta));
+    let decay = zeta * omega;
+    let damped = omega * libm::sqrt(1.0 - zeta * zeta);
     let (sine, cosine) = libm::sincos(damped * t);
-    let (scale, s) = (libm::exp(-decay * t), sine / damped);
+    let scale = libm::exp(-decay * t);
+    let s = sine / damped;
     [[scale * (cosine + decay * s), scale * s], [-scale * omega * omega * s, scale * (cosine - decay * s)]]
 }
 
@@ -79,7 +82,8 @@ impl Impulse {
     fn new(of: &Variations, condensed: &Condensed, coupling: &[f64], h: f64, [point, points]: [usize; 2]) -> Impulse {
         let m = of.unknowns();
         let diagonal = |d: usize| (0..m).map(|i| of.by(d, [i, i], point)).collect::<Vec<f64>>();
-        let (stiffness, damping) = (diagonal(0), diagonal(1));
+        let stiffness = diagonal(0);
+        let damping = diagonal(1);
         let pairs = (0..m * m).map(|pair| [pair / m, pair % m]).filter(|[i, j]| i != j);
         let coupled = pairs.map(|pair| (pair, of.by(0, pair, point))).filter(|(_, s)| *s != 0.0).collect();
         let place = |state: usize| condensed.of_element[of.samples.histories[of.states[state]].element][0].0;
@@ -136,13 +140,16 @@ struct Plan<'a> {
 
 impl<'a> Plan<'a> {
     fn new(of: &Variations, condensed: &'a Condensed, [points, parts]: [usize; 2]) -> Plan<'a> {
-        let (m, h) = (of.unknowns(), points as f64 * of.spacing_s);
+        let m = of.unknowns();
+        let h = points as f64 * of.spacing_s;
         let coupling: Vec<f64> =
             (0..m * m).map(|pair| dot(&condensed.places[pair / m], &condensed.places[pair % m])).collect();
         let middles = (points / 2..of.samples.count() / parts).step_by(points);
         let impulses: Vec<Impulse> =
             middles.map(|middle| Impulse::new(of, condensed, &coupling, h, [middle, points])).collect();
-        let (mut events, mut since, steps) = (Vec::new(), 0, impulses.len());
+        let mut events = Vec::new();
+        let mut since = 0;
+        let steps = impulses.len();
         for (step, impulse) in impulses.iter().enumerate() {
             since += 1;
             // A step whose impulse does nothing adds two halves to the time in which the modes move by themselves.
@@ -174,7 +181,8 @@ impl<'a> Plan<'a> {
 /// if it can't be computed.
 pub(super) fn flow(of: &Variations, condensed: &Condensed, [points, parts]: [usize; 2]) -> Option<DMatrix<f64>> {
     let plan = Plan::new(of, condensed, [points, parts]);
-    let (n, width) = (condensed.modes.len(), 2 * condensed.modes.len() + of.states.len());
+    let n = condensed.modes.len();
+    let width = 2 * condensed.modes.len() + of.states.len();
     let mut flow = DMatrix::zeros(width, width);
     for first in (0..width).step_by(LANES) {
         let columns = widest(Columns::new(n, of.states.len(), &plan, first))?;
@@ -234,8 +242,13 @@ impl<'a> Columns<'a> {
         let unit = |row: usize| core::array::from_fn(|lane| f64::from(u8::from(row == first + lane)));
         let rows = |from: usize, count: usize| (from..from + count).map(unit).collect::<Vec<Lanes>>();
         let places = || vec![[0.0; LANES]; plan.condensed.places.len()];
-        let (before, x, v, force) = (places(), places(), places(), places());
-        let (q, rate, z) = (rows(0, n), rows(n, n), rows(2 * n, states));
+        let before = places();
+        let x = places();
+        let v = places();
+        let force = places();
+        let q = rows(0, n);
+        let rate = rows(n, n);
+        let z = rows(2 * n, states);
         let mut columns = Columns { plan, q, rate, z, before, x, v, force };
         for (seen, place) in columns.before.iter_mut().zip(&plan.condensed.places) {
             columns.q.iter().zip(place).for_each(|(q, phi)| add(seen, q, *phi));
@@ -246,11 +259,13 @@ impl<'a> Columns<'a> {
     /// Applies the impulse of the forces, and moves the modes by themselves; then computes x, and v if `rates` is set.
     #[inline(always)]
     fn drift(&mut self, blocks: &[Block], rates: bool) {
-        let (places, h) = (&self.plan.condensed.places, self.plan.h);
+        let places = &self.plan.condensed.places;
+        let h = self.plan.h;
         let modes = blocks.iter().zip(self.q.iter_mut().zip(&mut self.rate));
         if let ([phi], [force]) = (&places[..], &self.force[..]) {
             // With one place x and v stay in registers.
-            let (impulse, [mut x, mut v]) = (force.map(|force| -h * force), [[0.0; LANES]; 2]);
+            let impulse = force.map(|force| -h * force);
+            let [mut x, mut v] = [[0.0; LANES]; 2];
             for ((block, (q, rate)), phi) in modes.zip(phi) {
                 let mut struck = *rate;
                 add(&mut struck, &impulse, *phi);
@@ -259,9 +274,11 @@ impl<'a> Columns<'a> {
                 if rates {
                     add(&mut v, &next_rate, *phi);
                 }
-                (*q, *rate) = (next, next_rate);
+                *q = next;
+                *rate = next_rate;
             }
-            (self.x[0], self.v[0]) = (x, if rates { v } else { self.v[0] });
+            self.x[0] = x;
+            self.v[0] = if rates { v } else { self.v[0] };
             return;
         }
         self.x.fill([0.0; LANES]);
@@ -276,13 +293,16 @@ impl<'a> Columns<'a> {
             if rates {
                 places.iter().zip(&mut self.v).for_each(|(place, v)| add(v, &next_rate, place[i]));
             }
-            (*q, *rate) = (next, next_rate);
+            *q = next;
+            *rate = next_rate;
         }
     }
 
     /// Computes the forces of an impulse at x and v; v then holds the velocity after it.
     fn strike(&mut self, impulse: &Impulse) -> Option<()> {
-        let (m, h, coupling) = (self.x.len(), self.plan.h, &self.plan.coupling);
+        let m = self.x.len();
+        let h = self.plan.h;
+        let coupling = &self.plan.coupling;
         for (i, force) in self.force.iter_mut().enumerate() {
             *force = self.x[i].map(|x| impulse.stiffness[i] * x);
             for ((_, at), z) in impulse.states.iter().zip(&self.z).filter(|((place, _), _)| *place == i) {

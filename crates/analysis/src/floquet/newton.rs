@@ -76,7 +76,8 @@ impl Solver {
 
     /// Returns the step of s, and the change of s by the first harmonics that are left out, at the sharpest resonance.
     fn iterate(&mut self, varied: &Varied, s: Complex<f64>) -> Option<(Complex<f64>, f64)> {
-        let (n, window) = (self.slopes.len(), self.window);
+        let n = self.slopes.len();
+        let window = self.window;
         let harmonic = |at: usize| (at as isize - window as isize) * varied.step as isize;
         for k in 0..n {
             let rate = varied.rate(s, harmonic(k));
@@ -93,7 +94,8 @@ impl Solver {
             unit[self.window] = Complex::new(1.0, 0.0);
             unit
         };
-        let (mut p, mut q) = (unit(), unit());
+        let mut p = unit();
+        let mut q = unit();
         self.solve(&mut p);
         self.solve_transposed(&mut q);
         let mut slope: Complex<f64> = (0..n).map(|k| q[k] * self.slopes[k] * p[k]).sum();
@@ -106,7 +108,8 @@ impl Solver {
             }
         }
         let driven = |at: isize| {
-            let (k, mut products) = (at * varied.step as isize, [Complex::new(0.0, 0.0); 2]);
+            let k = at * varied.step as isize;
+            let mut products = [Complex::new(0.0, 0.0); 2];
             for l in 0..n {
                 products[0] += varied.coupling(k - harmonic(l), varied.rate(s, harmonic(l))) * p[l];
                 products[1] += varied.coupling(harmonic(l) - k, varied.rate(s, k)) * q[l];

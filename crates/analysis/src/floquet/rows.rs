@@ -45,7 +45,8 @@ impl Rows {
 
     /// Replaces the first rows by their product with a square matrix, given by rows.
     pub fn multiply(&mut self, matrix: &[f64]) {
-        let (width, n) = (self.width, matrix.len().isqrt());
+        let width = self.width;
+        let n = matrix.len().isqrt();
         // The storage is kept between the many products of a period; emptied, it is filled with the zeros from which
         // the sums start.
         self.product.clear();

@@ -30,7 +30,8 @@ const TOO_LARGE: f64 = 0.5;
 
 /// Returns the exponent s of a mode; `None` if the sweeps don't converge.
 pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
-    let (square, damping) = (varied.squares[mode], varied.dampings[mode]);
+    let square = varied.squares[mode];
+    let damping = varied.dampings[mode];
     let linear = Complex::new(-0.5 * damping, libm::sqrt((square - 0.25 * damping * damping).max(0.0)));
     let mut at = Sweep { s: linear, p: [Complex::new(0.0, 0.0); MOST], window: window(varied, mode)? };
     // As if the element did not vary, and the other modes were rigid, where that is near.
@@ -39,9 +40,11 @@ pub(super) fn sweep(varied: &mut Varied, mode: usize) -> Option<Complex<f64>> {
         at.s -= shift;
     }
     at.p[LARGEST_WINDOW] = Complex::new(1.0, 0.0);
-    let (mut sweeps, mut before) = (0, None);
+    let mut sweeps = 0;
+    let mut before = None;
     while sweeps < SWEEPS {
-        let (start, previous) = (at.s, before);
+        let start = at.s;
+        let previous = before;
         let changed = at.with_compliance(varied, mode)?;
         sweeps += SWEEPS_WITH;
         let change = libm::sqrt((at.s - start).norm_sqr()) / varied.omega;
@@ -79,9 +82,11 @@ fn share(varied: &Varied, mode: usize) -> f64 {
 /// resonance: with H₁ ≈ 3 φ²/(2ωΩ) beside the mode, the k-th is driven by S_k and by S₁ (H₁S₁)ᵏ⁻¹, and changes s by the
 /// square of this, H there and φ²/2ω. `None` if there would be too many.
 fn window(varied: &Varied, mode: usize) -> Option<usize> {
-    let (rate, share) = (Complex::new(0.0, libm::sqrt(varied.squares[mode])), share(varied, mode));
+    let rate = Complex::new(0.0, libm::sqrt(varied.squares[mode]));
+    let share = share(varied, mode);
     let size = |at: usize| libm::sqrt(varied.coupling((at * varied.step) as isize, rate).norm_sqr());
-    let (mut again, again_by) = (size(1), 3.0 * share * size(1));
+    let mut again = size(1);
+    let again_by = 3.0 * share * size(1);
     let mut window = LARGEST_WINDOW;
     while window > 1 && share * varied.sharpest * size(window) * size(window) < OMITTED {
         window -= 1;
@@ -105,7 +110,8 @@ struct Sweep {
 impl Sweep {
     /// Returns the change of s, over Ω, by the first harmonics that are left out, at the sharpest resonance.
     fn omitted(&self, varied: &Varied, mode: usize) -> f64 {
-        let (step, window) = (varied.step as isize, self.window as isize);
+        let step = varied.step as isize;
+        let window = self.window as isize;
         let drive = |k: isize| {
             let driven: Complex<f64> = (-window..=window)
                 .map(|l| {
@@ -121,11 +127,15 @@ impl Sweep {
 
     /// Some sweeps with H at the first s; returns the largest change of p, relative to p₀, in the last.
     fn with_compliance(&mut self, varied: &mut Varied, mode: usize) -> Option<f64> {
-        let (weight, square, damping) = (varied.weights[mode], varied.squares[mode], varied.dampings[mode]);
+        let weight = varied.weights[mode];
+        let square = varied.squares[mode];
+        let damping = varied.dampings[mode];
         // Away from its pole, too, so that nothing is divided by zero.
-        (varied.weights[mode], varied.squares[mode]) = (0.0, 2.0 * square + 1.0);
+        varied.weights[mode] = 0.0;
+        varied.squares[mode] = 2.0 * square + 1.0;
         let rest = varied.compliance(self.s);
-        (varied.weights[mode], varied.squares[mode]) = (weight, square);
+        varied.weights[mode] = weight;
+        varied.squares[mode] = square;
         let step = varied.step as isize;
         let harmonic = |at: usize| (at as isize - LARGEST_WINDOW as isize) * step;
         let range = LARGEST_WINDOW - self.window..LARGEST_WINDOW + self.window + 1;
@@ -144,7 +154,8 @@ impl Sweep {
             last = 0.0;
             let s = self.s;
             let force = |p: &[Complex<f64>; MOST], k: usize| {
-                let (mut by_position, mut by_rate) = (Complex::new(0.0, 0.0), Complex::new(0.0, 0.0));
+                let mut by_position = Complex::new(0.0, 0.0);
+                let mut by_rate = Complex::new(0.0, 0.0);
                 for l in range.clone() {
                     let [stiffness, damping] = table[MOST + k - l];
                     by_position += stiffness * p[l];

@@ -49,7 +49,8 @@ impl Varied {
         // negligible.
         let coefficient = |order: usize| {
             signals.map(|signal| {
-                let (mut sum, mut turn) = (Complex::new(0.0, 0.0), 0);
+                let mut sum = Complex::new(0.0, 0.0);
+                let mut turn = 0;
                 for value in &signal[..length] {
                     sum += Complex::new(cosines[turn], -sines[turn]) * *value;
                     // The angle at sample m is 2π m·order·step/count, so that its place in the tables advances by the
@@ -119,9 +120,12 @@ impl Varied {
     pub fn stiffness(&self, s: Complex<f64>) -> [Complex<f64>; 2] {
         let add = |lanes: &mut [[f64; 4]; 4], lane: usize, [weight, damping]: [f64; 2], [re, im]: [f64; 2]| {
             let inverse = 1.0 / (re * re + im * im);
-            let (a, b) = (re * inverse, -im * inverse);
-            let (c, d) = (weight * (2.0 * s.re + damping), weight * 2.0 * s.im);
-            let (e, f) = (a * a - b * b, 2.0 * a * b);
+            let a = re * inverse;
+            let b = -im * inverse;
+            let c = weight * (2.0 * s.re + damping);
+            let d = weight * 2.0 * s.im;
+            let e = a * a - b * b;
+            let f = 2.0 * a * b;
             lanes[0][lane] += weight * a;
             lanes[1][lane] += weight * b;
             lanes[2][lane] -= e * c - f * d;
@@ -145,7 +149,8 @@ impl<F: Fn(&mut [[f64; 4]; 4], usize, [f64; 2], [f64; 2])> Task for OverModes<'_
 
     #[inline(always)]
     fn run(self) -> [Complex<f64>; 2] {
-        let (OverModes { of, s, add }, mut lanes) = (self, [[0.0; 4]; 4]);
+        let OverModes { of, s, add } = self;
+        let mut lanes = [[0.0; 4]; 4];
         let s2 = s * s;
         let parts = |damping: f64, square: f64| [square + damping * s.re + s2.re, damping * s.im + s2.im];
         let fours = [&of.weights, &of.squares, &of.dampings].map(|of| of.as_chunks::<4>());

@@ -79,7 +79,8 @@ fn window(forced: &Forced, frequency_hz: f64) -> [f64; 2] {
     let resonances = || forced.assembly().modes().iter().map(|mode| mode.frequency_hz);
     let below = resonances().filter(|hz| (frequency_hz / BESIDE_RESONANCE..frequency_hz).contains(hz));
     let above = resonances().filter(|hz| (frequency_hz..frequency_hz * BESIDE_RESONANCE).contains(hz));
-    let (lowest, highest) = (below.max_by(f64::total_cmp), above.min_by(f64::total_cmp));
+    let lowest = below.max_by(f64::total_cmp);
+    let highest = above.min_by(f64::total_cmp);
     [WINDOW[0] * lowest.unwrap_or(frequency_hz), WINDOW[1] * highest.unwrap_or(frequency_hz)]
 }
 

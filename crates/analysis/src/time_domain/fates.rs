@@ -156,7 +156,8 @@ fn advance(
 }
 
 fn least_common_multiple(a: u64, b: u64) -> u64 {
-    let (mut divisor, mut rest) = (a, b);
+    let mut divisor = a;
+    let mut rest = b;
     while rest > 0 {
         (divisor, rest) = (rest, divisor % rest);
     }

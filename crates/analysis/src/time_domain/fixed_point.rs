@@ -43,12 +43,14 @@ impl FixedPoint {
     /// Returns the fixed point that Newton's method reaches from `start`, x⁺ = x + (I − M)⁻¹ (Pⁿ(x) − x); `None` if it
     /// reaches none, or one that isn't stable.
     pub fn shoot(map: &StroboscopicMap, start: &DVector<f64>, period: u32) -> Option<FixedPoint> {
-        let (mut point, n) = (start.clone(), start.len());
+        let mut point = start.clone();
+        let n = start.len();
         for _ in 0..MAX_ITERATIONS {
             let derivative = map.derivative(&point, period)?;
             let defect = map.image(&point, period).ok()? - &point;
             // Columns of the transpose are rows.
-            let (mut rows, mut correction) = ((DMatrix::identity(n, n) - &derivative).transpose(), defect);
+            let mut rows = (DMatrix::identity(n, n) - &derivative).transpose();
+            let mut correction = defect;
             solve(rows.as_mut_slice(), correction.as_mut_slice().as_chunks_mut::<1>().0)?;
             point += &correction;
             let change = correction.norm();
@@ -72,7 +74,8 @@ impl FixedPoint {
     /// Motion", 1892); with A = M^(2ᵏ) the sum of 2ᵏ terms doubles by Q + AᵀQA (R. A. Smith, "Matrix Equation XA + BX
     /// = C", SIAM J. Appl. Math. 16 (1968)).
     fn stable(point: DVector<f64>, period: u32, derivative: DMatrix<f64>) -> Option<FixedPoint> {
-        let (mut power, n) = (derivative.clone(), derivative.nrows());
+        let mut power = derivative.clone();
+        let n = derivative.nrows();
         let mut log_norm = 0.0;
         for k in 0..SQUARINGS {
             let norm = power.norm();
@@ -92,7 +95,8 @@ impl FixedPoint {
         if largest_multiplier.is_nan() || largest_multiplier >= 1.0 - SMALLEST_DECAY {
             return None;
         }
-        let (mut norm, mut power) = (DMatrix::identity(n, n), derivative.clone());
+        let mut norm = DMatrix::identity(n, n);
+        let mut power = derivative.clone();
         for _ in 0..SQUARINGS {
             norm += power.tr_mul(&(&norm * &power));
             power = &power * &power;
@@ -139,7 +143,8 @@ impl Linearised<'_> {
     /// most a quarter of that: then the deviation falls.
     pub fn approach(&self, so_far: Option<Approach>, before: &DVector<f64>, after: &DVector<f64>) -> Option<Approach> {
         let fixed_point = self.fixed_point;
-        let (e, e_after) = (before - &fixed_point.point, after - &fixed_point.point);
+        let e = before - &fixed_point.point;
+        let e_after = after - &fixed_point.point;
         let remainder = fixed_point.deviation(&(&e_after - &self.power * &e));
         let expected = self.decay * fixed_point.deviation(&e);
         (remainder <= PREDICTED * expected).then(|| {
@@ -188,7 +193,9 @@ fn shorter_period(map: &StroboscopicMap, point: &DVector<f64>, period: u32) -> O
 /// Returns the power Mᵏ of a matrix, by squaring.
 fn power(matrix: &DMatrix<f64>, exponent: u64) -> DMatrix<f64> {
     let n = matrix.nrows();
-    let (mut result, mut square, mut left) = (DMatrix::identity(n, n), matrix.clone(), exponent);
+    let mut result = DMatrix::identity(n, n);
+    let mut square = matrix.clone();
+    let mut left = exponent;
     while left > 0 {
         if left & 1 == 1 {
             result = &result * &square;

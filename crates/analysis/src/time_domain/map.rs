@@ -193,7 +193,9 @@ impl StroboscopicMap {
     fn advance_side_by_side(&self, states: &mut [Vec<f64>], periods: u32) -> Result<bool, TimeDomainError> {
         let failed = |source| TimeDomainError::Step { frequency_hz: self.frequency_hz, source };
         let stepper = self.stepper.borrow();
-        let (amplitude, omega_rad_s, h_s) = (self.amplitudes(), TAU * self.frequency_hz, stepper.step_s());
+        let amplitude = self.amplitudes();
+        let omega_rad_s = TAU * self.frequency_hz;
+        let h_s = stepper.step_s();
         let at = |step| STAGE_TIMES.map(|part| self.forced.wave(omega_rad_s * (self.time_s(step) + part * h_s)));
         let mut together = |sines: &[_], times| {
             stepper.advance_together(&SineSteps { amplitude: &amplitude, sines, times }, states).map_err(failed)
@@ -282,7 +284,8 @@ fn weights(assembly: &Assembly, omega_rad_s: f64) -> Vec<f64> {
     let n = assembly.coordinates();
     let mut weights = vec![1.0; n];
     weights.resize(2 * n, 1.0 / omega_rad_s);
-    let (rest, mut direction) = (vec![0.0; n], vec![0.0; n]);
+    let rest = vec![0.0; n];
+    let mut direction = vec![0.0; n];
     let at = assembly.at(&rest);
     for element in assembly.elements().iter().filter(|element| element.law.has_state()) {
         at.element_direction(element, &mut direction);
@@ -329,7 +332,8 @@ impl StroboscopicMap {
     /// Returns the derivative of [`StroboscopicMap::image`] by the point, by central differences; `None` if a
     /// trajectory beside it grows without bound.
     pub(crate) fn derivative(&self, point: &DVector<f64>, periods: u32) -> Option<DMatrix<f64>> {
-        let (n, difference) = (point.len(), DIFFERENCE * size(point));
+        let n = point.len();
+        let difference = DIFFERENCE * size(point);
         // Shifts each coordinate in turn ahead and behind.
         let moved = |k: usize| {
             let mut moved = point.clone();

@@ -130,7 +130,9 @@ fn peak([start, end]: [Motion; 2], step_s: f64) -> f64 {
     // In s = t/h: x = Σ cₖ sᵏ.
     let [x0, v0, a0] = [start[0], h * start[1], h * h * start[2]];
     let [x1, v1, a1] = [end[0], h * end[1], h * h * end[2]];
-    let (dx, dv, da) = (x1 - x0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0);
+    let dx = x1 - x0 - v0 - 0.5 * a0;
+    let dv = v1 - v0 - a0;
+    let da = a1 - a0;
     let c =
         [x0, v0, 0.5 * a0, 10.0 * dx - 4.0 * dv + 0.5 * da, -15.0 * dx + 7.0 * dv - da, 6.0 * dx - 3.0 * dv + 0.5 * da];
     // Horner's scheme for Σ k cₖ sᵏ⁻¹.
@@ -151,7 +153,8 @@ fn peak([start, end]: [Motion; 2], step_s: f64) -> f64 {
 
 /// Returns the coordinates, then the degrees of freedom that are read, at a state.
 fn motions(structure: &Stepper, read: &[Dof], load: f64, out: &mut [Motion]) -> Result<(), StepError> {
-    let (q, v) = (structure.position(), structure.velocity());
+    let q = structure.position();
+    let v = structure.velocity();
     let mut a = vec![0.0; q.len()];
     structure.acceleration(&[load], &mut a)?;
     let (coordinates, dofs) = out.split_at_mut(q.len());
@@ -175,7 +178,8 @@ pub(super) fn measure(
     let n = map.forced().assembly().coordinates();
     let mut sums = vec![Sums::default(); n + read.len()];
     let mut at = vec![[0.0; 3]; n + read.len()];
-    let (mut state, mut section) = (start.to_vec(), Vec::with_capacity(periods as usize));
+    let mut state = start.to_vec();
+    let mut section = Vec::with_capacity(periods as usize);
     let step_s = 1.0 / (map.frequency_hz() * f64::from(map.steps_per_period()));
     for _ in 0..periods {
         section.push(state.clone());

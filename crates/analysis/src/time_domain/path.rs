@@ -20,7 +20,8 @@ const STATES: u32 = 400;
 pub fn path(map: &StroboscopicMap, start: &[f64], periods: u32) -> Result<Vec<Vec<f64>>, TimeDomainError> {
     let dense = map.in_multiples_of(STATES)?;
     let every = dense.steps_per_period() / STATES;
-    let (mut state, mut passed) = (start.to_vec(), vec![]);
+    let mut state = start.to_vec();
+    let mut passed = vec![];
     for _ in 0..periods {
         let reached = dense.visit(&state, |step, structure| {
             if step.is_multiple_of(every) {

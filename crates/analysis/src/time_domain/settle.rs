@@ -201,7 +201,8 @@ impl Follower<'_> {
     /// Returns the present response, if it may keep a constant and has come back to where it was a stretch before; one
     /// of more than one period only if it is far from returning after one.
     fn returned(&self, before: &DVector<f64>, waited: u64) -> Option<Followed> {
-        let (present, near) = (self.point(), CLOSURE * size(before));
+        let present = self.point();
+        let near = CLOSURE * size(before);
         let distance = (&present - before).norm();
         if !self.map.keeps_constants() || distance > near {
             return None;
@@ -223,13 +224,15 @@ impl Follower<'_> {
     fn unsettled(mut self, section_points: usize) -> Result<Followed, TimeDomainError> {
         let settling_periods = self.periods;
         let nearest = self.returns().map(|(_, distance)| distance).fold(f64::INFINITY, f64::min);
-        let (drift, start) = (nearest / size(&self.point()), self.state.clone());
+        let drift = nearest / size(&self.point());
+        let start = self.state.clone();
         let mut section = Vec::with_capacity(section_points);
         for _ in 0..section_points {
             section.push(self.state.clone());
             self.advance(1)?;
         }
-        let (period, largest_multiplier) = (None, None);
+        let period = None;
+        let largest_multiplier = None;
         Ok(Followed { period, largest_multiplier, settling_periods, drift, start, section, end: self.state })
     }
 }

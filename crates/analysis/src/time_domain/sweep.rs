@@ -52,14 +52,17 @@ impl Grid {
         if !(2..=MOST_POINTS).contains(&points) {
             return Err(TimeDomainError::Points { got: points, most: MOST_POINTS });
         }
-        let (low, high, last) = (from.min(to), from.max(to), points - 1);
+        let low = from.min(to);
+        let high = from.max(to);
+        let last = points - 1;
         let value = |rank| (low * f64::from(last - rank) + high * f64::from(rank)) / f64::from(last);
         Ok(Grid { values: (0..points).map(value).collect() })
     }
 
     /// Returns the grid with further values; those beyond the ends are left out.
     pub fn with(mut self, values: impl IntoIterator<Item = f64>) -> Grid {
-        let (low, high) = (self.values[0], self.values[self.values.len() - 1]);
+        let low = self.values[0];
+        let high = self.values[self.values.len() - 1];
         self.values.extend(values.into_iter().filter(|value| (low..=high).contains(value)));
         self.values.sort_by(f64::total_cmp);
         self.values.dedup();

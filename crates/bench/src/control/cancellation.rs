@@ -230,7 +230,8 @@ impl Cancellation {
     /// Starts a reading of `samples` samples at sample `first`.
     pub fn begin(&mut self, first: u64, samples: u64) {
         let half = samples / 2;
-        (self.first, self.samples) = (first, samples);
+        self.first = first;
+        self.samples = samples;
         // An odd number of samples leaves one more for the second half.
         self.halves = [HarmonicFit::new(half), HarmonicFit::new(samples - half)];
     }
@@ -240,7 +241,8 @@ impl Cancellation {
         let Some(k) = sample.sample.checked_sub(self.first).filter(|k| *k < self.samples) else { return };
         let values = sample.head_force_n.map(|reading| reading.within_range());
         // Whole cycles are taken off: a phase that has grown over minutes would leave few digits for the angle.
-        let (half, phase_cycles) = (self.samples / 2, phase_cycles - libm::floor(phase_cycles));
+        let half = self.samples / 2;
+        let phase_cycles = phase_cycles - libm::floor(phase_cycles);
         match k.checked_sub(half) {
             None => self.halves[0].add(k, phase_cycles, &values),
             Some(k) => self.halves[1].add(k, phase_cycles, &values),
@@ -311,7 +313,8 @@ impl Cancellation {
     /// Lets the command ramp to zero.
     pub fn end(&mut self) {
         for harmonic in self.harmonics.iter_mut().flatten() {
-            (harmonic.before_n, harmonic.command_n) = (harmonic.command_n, Phasor::new(0.0, 0.0));
+            harmonic.before_n = harmonic.command_n;
+            harmonic.command_n = Phasor::new(0.0, 0.0);
         }
     }
 }
@@ -326,7 +329,8 @@ impl Harmonic {
     /// Subtracts H_h/G_h from c_h, with `derived_transfer` times the ratio for G_h.
     fn correct(&mut self, head_n: Phasor, derived_transfer: Phasor, fundamental_n: f64, off: f64) {
         if let Some([command_n, head_before_n]) = self.tried_n {
-            let (change, effect) = (self.command_n - command_n, head_n - head_before_n);
+            let change = self.command_n - command_n;
+            let effect = head_n - head_before_n;
             let expected = self.ratio * derived_transfer * change;
             let of_motion = head_n - self.ratio * derived_transfer * self.command_n;
             // Two conditions: the change of the command must stand out from the noise, and a change of the

@@ -89,11 +89,13 @@ mod tests {
 
     #[test]
     fn finds_the_fundamental_beside_harmonics_and_another_tone() {
-        let (step, other_step) = (0.139, 0.8);
+        let step = 0.139;
+        let other_step = 0.8;
         let mut filter = FourierFilter::new(0.05, other_step);
         let wanted = Phasor::new(3.0, -4.0);
         for k in 0..2000 {
-            let (phase, other_phase) = (step * f64::from(k), other_step * f64::from(k) + 1.0);
+            let phase = step * f64::from(k);
+            let other_phase = other_step * f64::from(k) + 1.0;
             let y =
                 2.0 + real_product(&wanted, &unit(phase)) + 0.5 * libm::cos(3.0 * phase) + 7.0 * libm::cos(other_phase);
             filter.update(y, phase);

@@ -85,12 +85,15 @@ impl Watched {
             _ => Some(of_sensor?),
         };
         let axis = InstrumentAxis { instrument, axis: channel.axis, unit: channel.quantity.unit() };
-        let (reading, range_key) = (NeededReading { place, name: channel.name }, sensor.range_key());
+        let reading = NeededReading { place, name: channel.name };
+        let range_key = sensor.range_key();
         Some(Watched { reading, axis, range_key, limit, last: None, same: 0, clipped: 0 })
     }
 
     fn forget(&mut self) {
-        (self.last, self.same, self.clipped) = (None, 0, 0);
+        self.last = None;
+        self.same = 0;
+        self.clipped = 0;
     }
 }
 
@@ -133,7 +136,8 @@ impl Limited {
 
     /// Checks the axes of a sample and returns the first violation.
     fn judge_readings(&mut self, sample: &Measurement) -> Option<Abort> {
-        let (is_loaded, time_s) = (self.is_loaded(), self.time_s);
+        let is_loaded = self.is_loaded();
+        let time_s = self.time_s;
         let LimitsSpec { clipped_samples, stuck_samples, .. } = self.spec;
         for watched in &mut self.axes {
             // The axes are judged in the order of the channels, and the first violation is reported: the report
@@ -183,7 +187,8 @@ impl Limited {
 
     fn judge_response(&self, response: &ResponsePoint) -> Option<Abort> {
         let (limit, got) = self.spec.distortion.zip(response.distortion())?;
-        let (frequency_hz, time_s) = (response.frequency_hz, self.time_s);
+        let frequency_hz = response.frequency_hz;
+        let time_s = self.time_s;
         (got > limit).then_some(Abort::Distorted { got, limit, frequency_hz, time_s })
     }
 }
@@ -209,7 +214,9 @@ impl Controller for Limited {
     fn restart(&mut self) {
         self.inner.restart();
         self.axes.iter_mut().for_each(Watched::forget);
-        (self.held, self.response, self.abort) = (Load::default(), None, None);
+        self.held = Load::default();
+        self.response = None;
+        self.abort = None;
     }
 
     fn answer(&mut self, sample: &Measurement) -> Answer {

@@ -59,7 +59,8 @@ impl SeenMode {
         let rest = u / (mass * omega * omega);
         let sigma = zeta * omega;
         if zeta >= 1.0 {
-            let ([c, s_of_rate], x) = (mode_transient(omega, zeta, t_s), s - rest);
+            let [c, s_of_rate] = mode_transient(omega, zeta, t_s);
+            let x = s - rest;
             let moved = c * x + s_of_rate * (rate + sigma * x);
             return [rest + moved, (c - sigma * s_of_rate) * rate - omega * omega * s_of_rate * x];
         }
@@ -141,7 +142,8 @@ impl Loop {
     /// Advances the structure over a hold of the load `u` and appends its states to `next`. Returns the
     /// contributions of its acceleration to the readings after this hold and the following ones.
     fn hold(&self, structure: &[f64], u: f64, next: &mut Vec<f64>) -> [f64; MOST_ORDER] {
-        let (period_s, converter) = (1.0 / self.sampling.rate_hz, self.sampling.converter);
+        let period_s = 1.0 / self.sampling.rate_hz;
+        let converter = self.sampling.converter;
         let modes = core::iter::once(&self.model.mode).chain(self.model.others());
         let mut read = [0.0; MOST_ORDER];
         for (mode, state) in modes.zip(structure.chunks_exact(2)) {
@@ -199,7 +201,8 @@ mod tests {
         let tested = tests::preset([30.0, 60.0]);
         let of = Modelled::new(&tested, &RigSpec::default()).unwrap();
         let model = ModeModel::new(&of, &Load::force_n(1.0, 0.0), 1.0, mode).unwrap();
-        let (sampling, omega_rad_s) = (Sampling { rate_hz: 1000.0, converter }, model.mode.angular_frequency_rad_s);
+        let sampling = Sampling { rate_hz: 1000.0, converter };
+        let omega_rad_s = model.mode.angular_frequency_rad_s;
         Loop { model, sampling, adaptation: 5.0 * gain_1_s / 1000.0, gain_1_s, omega_rad_s, delay }
     }
 
@@ -209,14 +212,18 @@ mod tests {
     fn overdamped_and_rigid_modes_follow_their_equation() {
         for zeta in [1.0, 1.4, 30.0] {
             let mode = SeenMode { angular_frequency_rad_s: 40.0, damping_ratio: zeta, modal_mass: -2.5 };
-            let (start, u, t_s) = ([0.3, -5.0], 7.0, 0.01);
+            let start = [0.3, -5.0];
+            let u = 7.0;
+            let t_s = 0.01;
             let whole = mode.advance(start, u, t_s);
             let half = mode.advance(mode.advance(start, u, 0.5 * t_s), u, 0.5 * t_s);
             assert!(
                 (whole[0] - half[0]).abs() < 1e-14 && (whole[1] - half[1]).abs() < 1e-12,
                 "{zeta}: {whole:?} {half:?}"
             );
-            let (h, before, after) = (1e-6, mode.advance(start, u, t_s - 1e-6), mode.advance(start, u, t_s + 1e-6));
+            let h = 1e-6;
+            let before = mode.advance(start, u, t_s - 1e-6);
+            let after = mode.advance(start, u, t_s + 1e-6);
             assert!(((after[0] - before[0]) / (2.0 * h) - whole[1]).abs() < 1e-6, "{zeta}");
             assert!(((after[1] - before[1]) / (2.0 * h) - mode.acceleration(whole, u)).abs() < 1e-4, "{zeta}");
         }
@@ -236,7 +243,8 @@ mod tests {
             let size = control.size();
             let mut state: Vec<f64> = (0..size).map(|k| if k < control.moving() { 1.0 } else { 0.0 }).collect();
             let norm = |state: &[f64]| libm::sqrt(state.iter().map(|x| x * x).sum::<f64>());
-            let (first, last) = (20_000, 80_000);
+            let first = 20_000;
+            let last = 80_000;
             let mut early = 0.0;
             for k in 0..last {
                 if k == first {

@@ -231,7 +231,8 @@ impl ModeModel {
         // positive.
         let sign = seen[index].modal_mass.signum();
         let signed = |mode: &SeenMode| SeenMode { modal_mass: sign * mode.modal_mass, ..*mode };
-        let (mut others, mut count) = ([SeenMode::default(); MOST_OTHERS], 0);
+        let mut others = [SeenMode::default(); MOST_OTHERS];
+        let mut count = 0;
         let is_other = |(at, mode): &(usize, &SeenMode)| *at != index && mode.modal_mass.is_finite();
         for (_, mode) in seen.iter().enumerate().filter(is_other) {
             others[count] = signed(mode);

@@ -153,12 +153,14 @@ impl Reading {
 
     /// Adds a sample within the window, with the phase of the drive at the time of the reading, cycles.
     pub fn add(&mut self, sample: &Measurement, phase_cycles: f64) {
-        let (n, readings) = (sample.sample, sample.readings());
+        let n = sample.sample;
+        let readings = sample.readings();
         for (clipped, reading) in self.clipped.iter_mut().zip(&readings) {
             *clipped |= reading.clipped;
         }
         let values = &readings.map(|reading| reading.within_range());
-        let (k, half) = (n - self.window.first, (self.window.end - self.window.first) / 2);
+        let k = n - self.window.first;
+        let half = (self.window.end - self.window.first) / 2;
         self.whole.add(k, phase_cycles, values);
         if let Some(overtones) = &mut self.overtones {
             overtones.add(k, phase_cycles, values);
@@ -173,7 +175,8 @@ impl Reading {
     pub fn finish(&self) -> Option<ResponsePoint> {
         let whole = self.whole.finish()?;
         let [first, second] = [self.halves[0].finish()?, self.halves[1].finish()?];
-        let (mut largest, mut drift) = (0.0, f64::INFINITY);
+        let mut largest = 0.0;
+        let mut drift = f64::INFINITY;
         // The head is left out: near a resonance its force may be small and noisy while the structure moves
         // steadily.
         for channel in 2..CHANNELS {
@@ -181,7 +184,8 @@ impl Reading {
             // The strongest acceleration shows the drift with the least noise.
             if size > largest {
                 let change = second[channel] - first[channel];
-                (largest, drift) = (size, libm::hypot(change.re, change.im) / size);
+                largest = size;
+                drift = libm::hypot(change.re, change.im) / size;
             }
         }
         let [first, second, third] = [1.0, 2.0, 3.0].map(|order| self.sampling.gain(order * self.window.frequency_hz));

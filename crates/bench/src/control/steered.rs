@@ -95,7 +95,8 @@ impl Steered {
         let n = sample.sample;
         // Without a load there is no response, and a response is read once per set-point.
         if !stands || self.is_read || self.load == 0.0 {
-            (self.stands_since, self.reading) = (None, None);
+            self.stands_since = None;
+            self.reading = None;
             return;
         }
         let since = *self.stands_since.get_or_insert(n);
@@ -163,8 +164,10 @@ impl Controller for Steered {
             && frequency_hz < 0.5 * self.sampling.rate_hz
             && phase_deg.abs() <= 360.0;
         if is_possible {
-            (self.set, self.is_read) = (*set_point, false);
-            (self.stands_since, self.reading) = (None, None);
+            self.set = *set_point;
+            self.is_read = false;
+            self.stands_since = None;
+            self.reading = None;
         }
         is_possible
     }
@@ -205,7 +208,9 @@ mod tests {
     fn moves_to_the_set_point_without_a_jump_and_reads_the_response() {
         let mut steered = Steered::new(Load::force_n(1.0, 0.0), 100.0, SAMPLING, 10.0);
         assert!((0..100).all(|n| held_n(&mut steered, n, 0.0) == 0.0));
-        let (mut force_n, mut responses, mut largest_n) = (0.0_f64, Vec::new(), 0.0_f64);
+        let mut force_n = 0.0_f64;
+        let mut responses = Vec::new();
+        let mut largest_n = 0.0_f64;
         for n in 100..12_000_u64 {
             let set = match n {
                 100 => Some((20.0, 10.0, 0.0)),
@@ -218,7 +223,8 @@ mod tests {
             let next_n = held_n(&mut steered, n, force_n);
             // A sine of 20 N at 14 Hz and one turn a second changes by 2π·15·20/1000 = 1.9 N a sample at most.
             assert!((next_n - force_n).abs() < 1.95, "{n}: {force_n} to {next_n}");
-            (force_n, largest_n) = (next_n, largest_n.max(next_n));
+            force_n = next_n;
+            largest_n = largest_n.max(next_n);
             responses.extend(steered.poll_response());
         }
         assert!((largest_n - 20.0).abs() < 0.05, "{largest_n}");

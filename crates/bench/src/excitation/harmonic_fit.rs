@@ -42,7 +42,8 @@ impl<const N: usize, const P: usize> HarmonicFit<N, P> {
         basis[0] = 1.0;
         for order in 1..=P / 2 {
             let (sine, cosine) = libm::sincos(TAU * (order as f64 * phase_cycles));
-            (basis[2 * order - 1], basis[2 * order]) = (sine, cosine);
+            basis[2 * order - 1] = sine;
+            basis[2 * order] = cosine;
         }
         let square = basis * basis.transpose() * weight;
         for (channel, value) in values.iter().enumerate() {

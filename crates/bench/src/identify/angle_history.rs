@@ -137,7 +137,8 @@ fn stretch(readings: &[[f64; CHANNELS]], rate_hz: f64, settings: AngleSettings) 
     if let Some(reading) = readings.iter().position(|values| values.iter().any(|value| !value.is_finite())) {
         return Err(IdentifyError::NotFinite { reading });
     }
-    let (samples, period) = (readings.len(), rate_hz / from_hz);
+    let samples = readings.len();
+    let period = rate_hz / from_hz;
     let end = libm::ceil(END_PERIODS * period);
     let first = if starts_at_rest { 0.0 } else { end };
     let least = first + end + libm::ceil(period);
@@ -249,7 +250,8 @@ impl Links {
             let square = |value: &Pair| (l1 * value.re) * (l1 * value.re) + (l2 * value.im) * (l2 * value.im);
             values.iter().map(square).sum::<f64>() / values.len() as f64
         };
-        let (left, all) = (mean_square(left), mean_square(across));
+        let left = mean_square(left);
+        let all = mean_square(across);
         let noise = 2.0 * noise_m[0] * noise_m[0] + noise_m[1] * noise_m[1];
         Residual {
             over_noise: (noise > 0.0).then(|| libm::sqrt(left / noise)),

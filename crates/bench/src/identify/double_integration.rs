@@ -187,7 +187,8 @@ impl Section {
 
     /// Filters the values in place, starting from silence.
     fn run<'a>(&self, values: impl Iterator<Item = &'a mut Pair>) {
-        let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
+        let [b0, b1, b2] = self.b;
+        let [a1, a2] = self.a;
         let mut s = [Pair::new(0.0, 0.0); 2];
         for value in values {
             let x = *value;

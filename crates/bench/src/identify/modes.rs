@@ -308,7 +308,8 @@ impl Identification {
                 samples.push(Samples { dof: numbers[1], values: turned(-y, x), noise: a.noise_m_s2 });
                 run.channels.push(format!("{} along the force", sensor(&a.name).unwrap_or_default()));
                 run.channels.push(format!("{} across the force", sensor(&a.name).unwrap_or_default()));
-                (run.responses[first].1, run.responses[second].1) = (Part::OfPair(index, 0), Part::OfPair(index, 1));
+                run.responses[first].1 = Part::OfPair(index, 0);
+                run.responses[second].1 = Part::OfPair(index, 1);
                 left.retain(|(place, _)| *place != first && *place != second);
             }
         }
@@ -470,7 +471,8 @@ impl Identification {
 
     /// Returns the fitted accelerance of a response of a run, by its place in the record; `None` if there is no mode.
     pub fn fitted(&self, run: usize, response: usize, frequency_hz: f64) -> Option<Complex<f64>> {
-        let (estimate, of_run) = (self.estimate.as_ref()?, self.runs.get(run)?);
+        let estimate = self.estimate.as_ref()?;
+        let of_run = self.runs.get(run)?;
         let (force, part) = of_run.responses.get(response)?;
         let of = |number: usize| estimate.response(run, *force, number, frequency_hz);
         match part {

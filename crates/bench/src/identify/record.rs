@@ -213,7 +213,8 @@ impl Record {
         let spacing_hz = self.rate_hz / self.samples() as f64;
         let line = |hz: f64| (libm::round(hz / spacing_hz).max(0.0) as usize).min(self.samples() / 2);
         let half_hz = damping_ratio.abs().min(1.0) * frequency_hz;
-        let (first, last) = (line(frequency_hz - half_hz), line(frequency_hz + half_hz));
+        let first = line(frequency_hz - half_hz);
+        let last = line(frequency_hz + half_hz);
         let transform = dft::Lines::new(self.samples(), self.samples(), first, last - first + 1);
         let force = transform.transform(self.force_n.iter().map(|value| Complex::new(*value, 0.0)));
         let power = force.iter().map(Complex::norm_sqr).sum::<f64>() / force.len() as f64;

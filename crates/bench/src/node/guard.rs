@@ -58,7 +58,8 @@ impl Guard {
     /// Notes a measured sample with the distance of the driven point from rest, m. The distance may be left out if the
     /// gate does not limit it.
     pub fn measured(&mut self, sample: u64, travel_m: Option<f64>) {
-        (self.sample, self.travel_m) = (sample, travel_m);
+        self.sample = sample;
+        self.travel_m = travel_m;
     }
 
     /// Arms the plant; no sample counts as answered.

@@ -160,7 +160,8 @@ impl PlantNode {
     }
 
     fn forget_partner(&mut self) {
-        (self.partner, self.partner_samples) = (None, SamplesPerFrame::One);
+        self.partner = None;
+        self.partner_samples = SamplesPerFrame::One;
     }
 
     /// Handles the exciter's departure: it is forgotten, and an armed plant disarms.
@@ -198,8 +199,10 @@ impl PlantNode {
             _ => Load::default(),
         };
         let [torque1_nm, torque2_nm, x_n, y_n] = carried.native_parts();
-        (load.torque_nm[0], load.torque_nm[1]) = (torque1_nm, torque2_nm);
-        (load.force_n.x, load.force_n.y) = (x_n, y_n);
+        load.torque_nm[0] = torque1_nm;
+        load.torque_nm[1] = torque2_nm;
+        load.force_n.x = x_n;
+        load.force_n.y = y_n;
         load
     }
 

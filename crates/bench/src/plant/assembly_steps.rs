@@ -84,7 +84,8 @@ impl AssemblySteps {
         let (places_read, mut read): (Vec<usize>, Vec<Dof>) =
             sensed.filter_map(|(place, dof)| Some((place, dof?))).unzip();
         read.extend(shaker.iter().flat_map(|(_, armature)| armature.dofs()).map(|(dof, _)| dof));
-        let (sensors, &Places { exciter, exciter_z, .. }) = (places.more_channels(), places);
+        let sensors = places.more_channels();
+        let &Places { exciter, exciter_z, .. } = places;
         let inputs = LoadSet::native_and(acting.iter().copied());
         let mut steps = AssemblySteps {
             exciter,

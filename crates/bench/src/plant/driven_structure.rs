@@ -218,7 +218,8 @@ impl Structure for DrivenStructure {
     }
 
     fn restore(&mut self, saved: &[f64]) -> Result<(), StructureError> {
-        let (states, all) = (self.states().len(), self.saved_len());
+        let states = self.states().len();
+        let all = self.saved_len();
         let got = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
         if got != saved.len() || (got != states && got != all) {
             return Err(StructureError::Saved { got, states, all });

@@ -214,7 +214,9 @@ impl Plant {
     /// # Errors
     /// [`PlantSpecError::Channels`] if it lacks loads or outputs, or has more states than [`MOST_STATES`].
     pub fn of(structure: Box<dyn Structure>, rig: Rig, sample_rate_hz: f64) -> Result<Plant, PlantSpecError> {
-        let (inputs, outputs, states) = (structure.inputs(), structure.outputs(), structure.states().len());
+        let inputs = structure.inputs();
+        let outputs = structure.outputs();
+        let states = structure.states().len();
         let (first, more) = outputs.split_at(OUTPUTS.len().min(outputs.len()));
         if !inputs.has_native() || first != OUTPUTS || more.len() > MOST_MORE || states > MOST_STATES {
             return Err(PlantSpecError::Channels { inputs: inputs.len(), outputs: outputs.len(), states });

@@ -51,7 +51,8 @@ impl Sampler {
     /// The converters of a rig with these sensors beside B and C.
     pub fn new(filter: Option<Filter>, others: &[Channel]) -> Sampler {
         let channels = [&OUTPUTS[..], others].concat();
-        let (count, dofs) = (channels.len(), channels.len() - HEAD);
+        let count = channels.len();
+        let dofs = channels.len() - HEAD;
         Sampler {
             filter,
             channels,
@@ -125,7 +126,9 @@ impl Sampler {
         for (((gathered, channel), (start, end)), (start_per_ampere, end_per_ampere)) in
             sensors.zip(ends).zip(per_ampere)
         {
-            let (mut from, mut to, mut transient) = (start.acceleration, end.acceleration, 0.0);
+            let mut from = start.acceleration;
+            let mut to = end.acceleration;
+            let mut transient = 0.0;
             if let Some(CurrentChange { ends_a, transient_a }) = change {
                 from += start_per_ampere * ends_a[0];
                 to += end_per_ampere * ends_a[1];

@@ -97,7 +97,8 @@ impl Filter {
     /// The displacement over a step with an acceleration, from displacement and velocity at its start: s(0) + h ṡ(0) τ +
     /// h² (a₀τ²/2 + a₁τ³/6 + a₂τ⁴/12 + g τ/λ − g (1 − e^{−λτ})/λ²).
     pub fn displacement(&self, (s, rate): (f64, f64), [a0, a1, a2, _, _, g]: Course) -> Course {
-        let (h, square) = (self.step_s, self.step_s * self.step_s);
+        let h = self.step_s;
+        let square = self.step_s * self.step_s;
         let g1 = if self.decay.is_infinite() { 0.0 } else { g / self.decay };
         let g2 = if self.decay.is_infinite() { 0.0 } else { g1 / self.decay };
         [s - square * g2, h * rate + square * g1, 0.5 * square * a0, square * a1 / 6.0, square * a2 / 12.0, square * g2]

@@ -77,7 +77,8 @@ impl ShakerSpec {
             return Err(ShakerAcross { direction_deg: self.direction_deg, axis: ["x", "y"][axis] });
         }
         let along = core::array::from_fn(|axis| at.along[axis].map(|dof| (dof, shares[axis])));
-        let (force_factor_n_a, resistance_ohm) = (self.force_factor_n_a, self.resistance_ohm);
+        let force_factor_n_a = self.force_factor_n_a;
+        let resistance_ohm = self.resistance_ohm;
         let coil = match self.amplifier {
             Amplifier::Current => Coil::Current { force_factor_n_a },
             Amplifier::Voltage => Coil::Voltage { force_factor_n_a, resistance_ohm, inductance_h: self.inductance_h },
@@ -96,7 +97,8 @@ fn coil_of(spec: &ShakerSpec, step_s: f64) -> Result<Circuit, PlantSpecError> {
     if spec.amplifier == Amplifier::Voltage && spec.inductance_h > most_h {
         return Err(PlantSpecError::Inductance { got_h: spec.inductance_h, most_h });
     }
-    let (force_factor_n_a, resistance_ohm) = (spec.force_factor_n_a, spec.resistance_ohm);
+    let force_factor_n_a = spec.force_factor_n_a;
+    let resistance_ohm = spec.resistance_ohm;
     let decay = step_s * resistance_ohm / spec.inductance_h;
     Ok(Circuit { force_factor_n_a, resistance_ohm, decay })
 }
@@ -110,8 +112,10 @@ impl Shaken {
         step_s: f64,
     ) -> Result<Shaken, PlantSpecError> {
         let coil = coil_of(&shaker, step_s)?;
-        let (start, end) = (ArmatureMotion::default(), ArmatureMotion::default());
-        let (steps, direction) = (AssemblySteps::new(spec, tested)?, shaker.direction());
+        let start = ArmatureMotion::default();
+        let end = ArmatureMotion::default();
+        let steps = AssemblySteps::new(spec, tested)?;
+        let direction = shaker.direction();
         Ok(Shaken { steps, spec: shaker, direction, coil, step_s, start, end })
     }
 
@@ -137,7 +141,8 @@ impl Shaken {
     /// Reads the armature and the motion of the sensors, and how a current changes them, as those at the end of a step.
     pub fn read(&mut self, load: &Load, sampler: &mut Sampler) {
         let (displacement_m, velocity_m_s, current_a) = self.steps.shaker_state(self.blocked_n(load));
-        let (end, per_ampere) = (&mut sampler.end, &mut sampler.end_per_ampere);
+        let end = &mut sampler.end;
+        let per_ampere = &mut sampler.end_per_ampere;
         let more_m_s2 = self.steps.read_at_current(current_a + 1.0, end);
         per_ampere.iter_mut().zip(&*end).for_each(|(per_ampere, at)| *per_ampere = at.acceleration);
         let acceleration_m_s2 = self.steps.read_at_current(current_a, end);
@@ -159,8 +164,11 @@ impl Shaken {
     /// The force in the head along x and y over the step under a load, N, and how the current differs over it from
     /// that at which its ends were read.
     pub fn course(&self, filter: &Filter, load: &Load) -> ([Course; 2], CurrentChange) {
-        let (start, end, blocked_n) = (&self.start, &self.end, self.blocked_n(load));
-        let (mut currents_a, mut transient_a) = ([start.current_a, end.current_a], 0.0);
+        let start = &self.start;
+        let end = &self.end;
+        let blocked_n = self.blocked_n(load);
+        let mut currents_a = [start.current_a, end.current_a];
+        let mut transient_a = 0.0;
         let force_n: Course = match self.spec.amplifier {
             Amplifier::Current => [blocked_n, 0.0, 0.0, 0.0, 0.0, 0.0],
             Amplifier::Voltage => {
@@ -171,7 +179,8 @@ impl Shaken {
                 };
                 let voltage_v = blocked_n / self.spec.force_factor_n_a * self.spec.resistance_ohm;
                 let (steady_a, left_a) = self.coil.current(start.current_a, voltage_v, &stroke).terms();
-                (currents_a, transient_a) = ([steady_a[0], steady_a.iter().sum()], left_a);
+                currents_a = [steady_a[0], steady_a.iter().sum()];
+                transient_a = left_a;
                 let [c0, c1, c2, c3, c4] = steady_a;
                 [c0, c1, c2, c3, c4, left_a].map(|current_a| self.spec.force_factor_n_a * current_a)
             }

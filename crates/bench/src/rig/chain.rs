@@ -38,7 +38,8 @@ impl Instrument {
     pub fn new(spec: &SensorSpec, along: &[Axis], rate_hz: f64, seed: u64, stream: u64) -> Instrument {
         let of_gravity =
             |gravity: f64| core::array::from_fn(|place| if along.get(place) == Some(&Axis::Y) { gravity } else { 0.0 });
-        let (gravity, transverse) = (spec.gravity_m_s2.map(of_gravity), spec.transverse);
+        let gravity = spec.gravity_m_s2.map(of_gravity);
+        let transverse = spec.transverse;
         let rest = seen([0.0; MOST_AXES], along.len(), gravity.as_ref(), transverse);
         let chain = |(stream, rest): (u64, f64)| AxisChain::new(spec, rate_hz, Noise::new(seed, stream), rest);
         let axes: Vec<AxisChain> = (stream..).zip(rest).take(along.len()).map(chain).collect();
@@ -83,7 +84,8 @@ impl Instrument {
             let value = axis.conditioned(seen[index]);
             // Drift, noise and spikes pass the converter and are rounded and clipped like a signal.
             let value = self.faults.iter_mut().fold(value, |value, fault| fault.disturbed(sample, index, value));
-            let (reading, last) = (axis.quantizer.read(value), self.last[index]);
+            let reading = axis.quantizer.read(value);
+            let last = self.last[index];
             self.last[index] =
                 // Stuck and dropped-out axes replace what the converter has put out.
                 self.faults.iter().fold(reading, |reading, fault| fault.replaced(sample, index, reading, last));

@@ -220,7 +220,9 @@ mod tests {
     fn gain_and_delay_are_those_of_the_weights() {
         for converter in [Converter::Sinc1, Converter::Sinc3, Converter::Sinc5] {
             for cycles in [0.022, 0.1, 0.37, 0.6, 1.45] {
-                let (mut re, mut im, n) = (0.0, 0.0, 4000);
+                let mut re = 0.0;
+                let mut im = 0.0;
+                let n = 4000;
                 for piece in 0..converter.order() {
                     for i in 0..n {
                         let x = (f64::from(i) + 0.5) / f64::from(n);

@@ -253,7 +253,8 @@ impl Fault {
     ) -> Result<Fault, RigError> {
         let number = index + 1;
         if !(spec.from_s.is_finite() && spec.from_s >= 0.0) {
-            let (name, expected) = ("from_s", "zero or a positive number");
+            let name = "from_s";
+            let expected = "zero or a positive number";
             return Err(RigError::Fault { number, name, got: spec.from_s, expected });
         }
         let size = spec.size(measures, number)?;

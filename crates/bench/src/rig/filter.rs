@@ -48,7 +48,8 @@ impl Section {
 
     /// Settles the filter on the constant input `x` and returns its output.
     pub fn settle(&mut self, x: f64) -> f64 {
-        let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
+        let [b0, b1, b2] = self.b;
+        let [a1, a2] = self.a;
         // The gain at z = 1. Zero change of the states then gives s2 and s1 from the equations of the section.
         let y = (b0 + b1 + b2) / (1.0 + a1 + a2) * x;
         let s2 = b2 * x - a2 * y;
@@ -58,7 +59,8 @@ impl Section {
 
     /// Returns the output for the next input `x`.
     pub fn next(&mut self, x: f64) -> f64 {
-        let ([b0, b1, b2], [a1, a2]) = (self.b, self.a);
+        let [b0, b1, b2] = self.b;
+        let [a1, a2] = self.a;
         let y = b0 * x + self.s[0];
         self.s = [b1 * x - a1 * y + self.s[1], b2 * x - a2 * y];
         y
@@ -107,8 +109,10 @@ mod tests {
     /// Against the analog filter itself, at the arm's frequencies.
     #[test]
     fn gain_and_delay_are_right_where_the_arm_vibrates() {
-        let (frequency_hz, corner_hz) = (22.1, 200.0);
-        let (s, w) = (Complex::new(0.0, 2.0 * PI * frequency_hz), 2.0 * PI * corner_hz);
+        let frequency_hz = 22.1;
+        let corner_hz = 200.0;
+        let s = Complex::new(0.0, 2.0 * PI * frequency_hz);
+        let w = 2.0 * PI * corner_hz;
         let ratio =
             measured(Section::lowpass(corner_hz, RATE_HZ), frequency_hz) / (w * w / (s * s + s * SQRT_2 * w + w * w));
         assert!((size(ratio) - 1.0).abs() < 1e-5 && libm::atan2(ratio.im, ratio.re).abs() < 4e-4, "{ratio}");

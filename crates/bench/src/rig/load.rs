@@ -55,7 +55,8 @@ impl Load {
     /// Torques at joints 1 and 2, N·m, and a force along x and y, N: what the native protocol carries.
     pub fn planar([joint1_nm, joint2_nm]: [f64; 2], [x_n, y_n]: [f64; 2]) -> Load {
         let mut torque_nm = SVector::zeros();
-        (torque_nm[0], torque_nm[1]) = (joint1_nm, joint2_nm);
+        torque_nm[0] = joint1_nm;
+        torque_nm[1] = joint2_nm;
         Load { torque_nm, force_n: Vector3::new(x_n, y_n, 0.0) }
     }
 

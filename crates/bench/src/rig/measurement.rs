@@ -25,7 +25,9 @@ impl Measurement {
 
     /// Returns the readings of head, B and C: head x, y; B x, y; C x, y.
     pub fn readings(&self) -> [Reading; Measurement::CHANNELS] {
-        let ([hx, hy], [bx, by], [cx, cy]) = (self.head_force_n, self.acceleration_b_m_s2, self.acceleration_c_m_s2);
+        let [hx, hy] = self.head_force_n;
+        let [bx, by] = self.acceleration_b_m_s2;
+        let [cx, cy] = self.acceleration_c_m_s2;
         [hx, hy, bx, by, cx, cy]
     }
 

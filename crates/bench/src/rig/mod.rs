@@ -217,7 +217,8 @@ impl Rig {
     /// force in the head along x and y, N, the accelerations of B and C along x and y, m/s², and what the other
     /// sensors measure. Every call draws new noise and advances the filters, so call it once per sample.
     pub fn measure(&mut self, sample: u64, sampled: &[f64]) -> Measurement {
-        let (mut more, mut places) = (Readings::NONE, sampled.chunks(2));
+        let mut more = Readings::NONE;
+        let mut places = sampled.chunks(2);
         let mut plane = |instrument: &mut Instrument| {
             let [x, y, _] = instrument.read(sample, truth(places.next().unwrap_or_default()));
             [x, y]

@@ -236,7 +236,8 @@ impl SensorSpec {
     /// Returns the standard deviation of a reading at `rate_hz` samples per second: the sensor's noise, and
     /// rounding to counts q, which adds q/√12.
     pub fn reading_noise(&self, rate_hz: f64) -> f64 {
-        let (noise, count) = (self.sensor_noise(rate_hz), self.count());
+        let noise = self.sensor_noise(rate_hz);
+        let count = self.count();
         libm::sqrt(noise * noise + count * count / 12.0)
     }
 
@@ -355,7 +356,10 @@ impl<'de> Visitor<'de> for SpecVisitor {
 
     /// Reads the keys. Noise or counts that are absent in both forms take their default.
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<SensorSpec, A::Error> {
-        let (mut at, mut measures, mut bits, mut delay_samples) = (None, None, None, None);
+        let mut at = None;
+        let mut measures = None;
+        let mut bits = None;
+        let mut delay_samples = None;
         let mut numbers: Vec<(String, f64)> = Vec::new();
         // The quantity is known only after all keys, in whatever order they come, so numbers are collected
         // first.
@@ -378,7 +382,8 @@ impl<'de> Visitor<'de> for SpecVisitor {
             (None, _, None) => return Err(de::Error::missing_field("at")),
             (None, measures, Some(at)) => measures.unwrap_or(Measured::at(at)),
         };
-        let (keys, default) = (measured.keys(), SensorSpec::of(measured));
+        let keys = measured.keys();
+        let default = SensorSpec::of(measured);
         let mut spec = SensorSpec { at, bits, delay_samples, noise_rms: None, resolution: None, ..default };
         for (key, value) in numbers {
             let key = key.as_str();

@@ -32,7 +32,8 @@ pub struct ChannelName {
 impl ChannelName {
     /// A name of ASCII characters, at most 39; what is longer is cut, which no name of the table is.
     pub(crate) const fn new(name: &str) -> ChannelName {
-        let (mut bytes, name) = ([0; MOST_BYTES], name.as_bytes());
+        let mut bytes = [0; MOST_BYTES];
+        let name = name.as_bytes();
         let mut length = 0;
         while length < name.len() && length < MOST_BYTES {
             bytes[length] = name[length];
@@ -319,17 +320,20 @@ impl Channel {
 }
 
 const fn state(name: &str, vector: &str, quantity: Quantity, point: Point) -> Channel {
-    let (name, vector) = (ChannelName::new(name), ChannelName::new(vector));
+    let name = ChannelName::new(name);
+    let vector = ChannelName::new(vector);
     Channel { name, vector, kind: Kind::State, quantity, point, axis: Axis::AboutZ }
 }
 
 const fn load(name: &str, vector: &str, quantity: Quantity, point: Point, axis: Axis) -> Channel {
-    let (name, vector) = (ChannelName::new(name), ChannelName::new(vector));
+    let name = ChannelName::new(name);
+    let vector = ChannelName::new(vector);
     Channel { name, vector, kind: Kind::Load, quantity, point, axis }
 }
 
 const fn reading(clip_bit: u32, name: &str, vector: &str, point: Point, axis: Axis) -> Channel {
-    let (name, vector) = (ChannelName::new(name), ChannelName::new(vector));
+    let name = ChannelName::new(name);
+    let vector = ChannelName::new(vector);
     let quantity = if clip_bit < 4 { Quantity::Acceleration } else { Quantity::Force };
     Channel { name, vector, kind: Kind::Reading { clip_bit }, quantity, point, axis }
 }
@@ -487,7 +491,8 @@ impl LoadSet {
     /// The loads among these channels, which must be in the order of [`LOADS`]; `None` if a channel is no load or stands
     /// in another order.
     pub fn of_channels<'a>(channels: impl IntoIterator<Item = &'a Channel>) -> Option<LoadSet> {
-        let (mut set, mut next) = (0, 0);
+        let mut set = 0;
+        let mut next = 0;
         for channel in channels {
             let place = next + LOADS.get(next..)?.iter().position(|load| load == channel)?;
             set |= 1 << place;

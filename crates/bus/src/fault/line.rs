@@ -137,7 +137,9 @@ impl Line {
 
     /// A frame goes in. The faults act in their order.
     pub fn put(&mut self, now_ns: u64, mut received: Received) {
-        let (mut copies, mut delay_ns, mut keeps_place) = (1, 0, true);
+        let mut copies = 1;
+        let mut delay_ns = 0;
+        let mut keeps_place = true;
         for fault in &mut self.faults {
             if !fault.strikes(now_ns, &received.frame) {
                 continue;

@@ -295,7 +295,8 @@ impl Babble {
             // The lowest identifier wins every arbitration, which is the worst that a babbling node can do.
             ids.push(Id::Standard(0));
         }
-        let (span_ns, content) = (spec.span_ns(), stream(seed, index, FaultDirection::Send));
+        let span_ns = spec.span_ns();
+        let content = stream(seed, index, FaultDirection::Send);
         Some(Babble { ids, turns: 0, rate_hz, next_ns: span_ns.start, span_ns, content })
     }
 

@@ -195,7 +195,8 @@ impl FaultSpec {
         value("to_s", to_s, "later than `from_s`", to_s > self.from_s)?;
         self.check_keys(number)?;
         let largest = |ids: &[u32]| ids.iter().copied().max().unwrap_or(0);
-        let (standard, extended) = (largest(&self.ids), largest(&self.extended_ids));
+        let standard = largest(&self.ids);
+        let extended = largest(&self.extended_ids);
         let expected = "an identifier of 11 bits, at most 2047; put identifiers of 29 bits in `extended_ids`";
         value("ids", f64::from(standard), expected, standard <= ID_MAX)?;
         let expected = "an identifier of 29 bits, at most 536870911";

@@ -47,7 +47,8 @@ impl Slot {
         let Stamps { level, kind, stamps: [[s, ns], ..], .. } = self.control;
         // A stamp that was not taken is left at zero.
         let is_stamp = self.is_stamped && (level, kind) == (SOL_SOCKET, SCM_TIMESTAMPING) && (s, ns) != (0, 0);
-        let (s, ns) = (u64::try_from(s).ok()?, u64::try_from(ns).ok()?);
+        let s = u64::try_from(s).ok()?;
+        let ns = u64::try_from(ns).ok()?;
         s.checked_mul(1_000_000_000)?.checked_add(ns).filter(|_| is_stamp)
     }
 }
@@ -70,10 +71,12 @@ pub(super) fn receive(socket: BorrowedFd<'_>, slots: &mut [Slot; FRAMES], if_non
         IfNone::Return => MSG_DONTWAIT,
         IfNone::Sleep => MSG_WAITFORONE,
     };
-    let (mut vectors, mut headers) = ([NO_VECTOR; FRAMES], no_headers());
+    let mut vectors = [NO_VECTOR; FRAMES];
+    let mut headers = no_headers();
     for ((slot, vector), header) in slots.iter_mut().zip(&mut vectors).zip(&mut headers) {
         *vector = iovec { iov_base: (&raw mut slot.frame.raw).cast(), iov_len: mem::size_of::<RawFrame>() };
-        (header.msg_hdr.msg_iov, header.msg_hdr.msg_iovlen) = (vector, 1);
+        header.msg_hdr.msg_iov = vector;
+        header.msg_hdr.msg_iovlen = 1;
         header.msg_hdr.msg_control = (&raw mut slot.control).cast();
         header.msg_hdr.msg_controllen = mem::size_of::<Stamps>() as _;
     }
@@ -100,12 +103,14 @@ pub(super) fn send(socket: BorrowedFd<'_>, frames: &[Frame]) -> io::Result<usize
     // The arrays live on the stack, so that sending allocates nothing; the caller goes on with the rest.
     let count = frames.len().min(FRAMES);
     let mut kernel_frames = [KernelFrame::NONE; FRAMES];
-    let (mut vectors, mut headers) = ([NO_VECTOR; FRAMES], no_headers());
+    let mut vectors = [NO_VECTOR; FRAMES];
+    let mut headers = no_headers();
     let parts = kernel_frames.iter_mut().zip(&mut vectors).zip(&mut headers);
     for (frame, ((kernel_frame, vector), header)) in frames.iter().zip(parts) {
         *kernel_frame = KernelFrame::from(frame);
         *vector = iovec { iov_base: (&raw mut kernel_frame.raw).cast(), iov_len: kernel_frame.size };
-        (header.msg_hdr.msg_iov, header.msg_hdr.msg_iovlen) = (vector, 1);
+        header.msg_hdr.msg_iov = vector;
+        header.msg_hdr.msg_iovlen = 1;
     }
     // SAFETY: as in `receive`; the kernel reads the frames, and writes to the headers alone.
     let sent = unsafe { libc::sendmmsg(socket.as_raw_fd(), headers.as_mut_ptr(), count as c_uint, MSG_DONTWAIT as _) };

@@ -109,7 +109,8 @@ mod tests {
     }
 
     fn counted(class: u32, controller: u8) -> (ControllerErrors, Option<ControllerState>) {
-        let (error, mut errors) = (ErrorFrame::of(&frame(class, controller)).unwrap(), ControllerErrors::default());
+        let error = ErrorFrame::of(&frame(class, controller)).unwrap();
+        let mut errors = ControllerErrors::default();
         error.count(&mut errors);
         (errors, error.state())
     }
@@ -126,7 +127,8 @@ mod tests {
             restarted: 0,
             other: 0,
         };
-        let (warning, passive) = (ControllerErrors { warning: 1, ..NONE }, ControllerErrors { passive: 1, ..NONE });
+        let warning = ControllerErrors { warning: 1, ..NONE };
+        let passive = ControllerErrors { passive: 1, ..NONE };
         let overflow = ControllerErrors { overflow: 1, ..NONE };
         let protocol = ControllerErrors { protocol: 1, ..NONE };
         let cases = [

@@ -37,7 +37,8 @@ impl KernelFrame {
 
 impl From<&Frame> for KernelFrame {
     fn from(frame: &Frame) -> KernelFrame {
-        let (can_id, data) = (id_word(frame.id()), frame.data());
+        let can_id = id_word(frame.id());
+        let data = frame.data();
         let mut raw = RawFrame { can_id, len: frame.len() as u8, ..KernelFrame::NONE.raw };
         raw.data[..data.len()].copy_from_slice(data);
         match frame.format() {

@@ -50,12 +50,15 @@ impl Incoming {
 
     /// Receives from the kernel.
     pub fn fill(&mut self, socket: BorrowedFd<'_>, if_none: IfNone) -> io::Result<Came> {
-        (self.next, self.len, self.is_last) = (0, 0, false);
+        self.next = 0;
+        self.len = 0;
+        self.is_last = false;
         match batch::receive(socket, &mut self.slots, if_none) {
             Ok(count) => {
                 // A call that fills all slots says nothing about what is left, so only a partial one is known to be
                 // the last.
-                (self.len, self.is_last) = (count, count < FRAMES);
+                self.len = count;
+                self.is_last = count < FRAMES;
                 Ok(Came::Frames)
             }
             Err(error) => match error.kind() {

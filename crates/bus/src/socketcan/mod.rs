@@ -261,7 +261,8 @@ impl Bus for SocketCan {
         if self.has_frame() {
             return Ok(true);
         }
-        let (mut remaining, mut deadline) = (timeout, None);
+        let mut remaining = timeout;
+        let mut deadline = None;
         loop {
             self.incoming.take_last();
             let slept = self.sleep(remaining)?;

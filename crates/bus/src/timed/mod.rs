@@ -94,7 +94,8 @@ pub struct TimedBus<C> {
 
 impl<C: Clock + Clone> TimedBus<C> {
     fn new(wire: &Arc<Mutex<Wire>>, node: usize, clock: &C) -> TimedBus<C> {
-        let (wire, clock) = (Arc::clone(wire), clock.clone());
+        let wire = Arc::clone(wire);
+        let clock = clock.clone();
         TimedBus { wire, node, clock, statistics: Statistics::default(), is_open: true }
     }
 }
@@ -160,7 +161,8 @@ impl<C: Clock + Send> Bus for TimedBus<C> {
         self.check_open()?;
         let mut wire = self.now();
         let controller = &mut wire.controllers[self.node];
-        let (next, is_off) = (controller.inbox.pop_front(), controller.recovery.is_some());
+        let next = controller.inbox.pop_front();
+        let is_off = controller.recovery.is_some();
         drop(wire);
         // Frames that came before bus-off are given out first.
         if next.is_none() && is_off {

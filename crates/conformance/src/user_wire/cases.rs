@@ -91,7 +91,8 @@ pub fn wire_cases(on: &UserWire) -> Vec<WireCase> {
         (Mode::Lockstep, Node::Exciter) => (&LOCKSTEP_CONTROLLER, &[]),
         (Mode::Free, _) => (&[], &[]),
     };
-    let (tested, mode) = (on.tested, on.mode);
+    let tested = on.tested;
+    let mode = on.mode;
     let case = |&(id, title, requirements, script): &Row| WireCase {
         id,
         tested,

@@ -62,7 +62,8 @@ pub(super) fn arms(t: &mut Tester) -> Result<(), Stop> {
 /// Describes that the controller has not armed the plant, and what it does instead.
 fn not_armed(t: &Tester) -> String {
     let asks = |action| t.heard().iter().filter(|heard| heard.asks(action)).count();
-    let (arm, reset) = (asks("arm"), asks("reset"));
+    let arm = asks("arm");
+    let reset = asks("reset");
     let came = t.monitor.in_words();
     let how = match (t.on.arming(), t.on.preset) {
         (Arming::ZeroCommand, _) => String::from("no command of all messages was nearly zero at first"),
@@ -123,7 +124,8 @@ pub(super) fn in_time(t: &mut Tester) -> Result<(), Stop> {
     let gaps = gaps(&t.heard()[from..], t.now_ns());
     match fault(t)? {
         Some(emergency) if emergency.code == EmergencyCode::CommandTimeout => {
-            let (what, later) = (why(&emergency), ms(MARGIN_NS));
+            let what = why(&emergency);
+            let later = ms(MARGIN_NS);
             return failed(format!("{what}, and {later} more; {gaps}"));
         }
         Some(emergency) => return inconclusive(format!("the plant of the tester faults: {emergency}")),
@@ -207,7 +209,9 @@ fn commanded(heard: &Heard) -> String {
 /// The loads that the controller commands while the plant is armed act: all conditions are fulfilled.
 pub(super) fn acts(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
-    let (from, limits, patience_ns) = (t.mark(), t.plant()?.limits(), t.settings.patience_ns);
+    let from = t.mark();
+    let limits = t.plant()?.limits();
+    let patience_ns = t.settings.patience_ns;
     // A ramp begins with loads that are nearly zero, and these show nothing.
     let is_load = |heard: &Heard| has_load(heard, limits);
     let ends = |heard: &Heard| heard.state != NodeState::Operational;
@@ -263,7 +267,8 @@ pub(super) fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     if !t.is_armed() {
         return inconclusive("it disarmed the plant before the case could");
     }
-    let (now_ns, limits) = (t.now_ns(), t.plant()?.limits());
+    let now_ns = t.now_ns();
+    let limits = t.plant()?.limits();
     match state {
         NodeState::Fault => t.plant()?.node.fault(now_ns, EmergencyCode::Overrun, 1),
         _ => t.plant()?.node.execute(now_ns, OperatorRequest::Disarm),
@@ -279,7 +284,8 @@ pub(super) fn stops_once(t: &mut Tester, state: NodeState) -> Result<(), Stop> {
     t.run_ns(WATCH_NS / 2 + 2 * t.watch.held_up_ns)?;
     let still = || t.heard()[from..].iter().filter(|heard| heard.state == state && has_load(heard, limits));
     let text = |heard: &Heard| {
-        let (what, since) = (commanded(heard), ms(heard.at_ns - now_ns));
+        let what = commanded(heard);
+        let since = ms(heard.at_ns - now_ns);
         format!("{what}, and the plant is {} for {since}", in_words(state))
     };
     // A hold-up of the tester delays its state by as much, and the time at which it hears a command.

@@ -123,7 +123,8 @@ pub(super) fn objects(t: &mut Tester) -> Result<(), Stop> {
         if rated != rated_torque_mnm {
             return wrong(format!("node {node_id} has the rated torque {rated} mN·m (6076), not {rated_torque_mnm}"));
         }
-        let (counts, turns) = (read(t, node_id, 0x608F, 1)?, read(t, node_id, 0x608F, 2)?);
+        let counts = read(t, node_id, 0x608F, 1)?;
+        let turns = read(t, node_id, 0x608F, 2)?;
         if u64::from(counts) != u64::from(encoder_counts_per_turn) * u64::from(turns.max(1)) {
             return wrong(format!(
                 "node {node_id} has {counts} counts for {turns} turns (608F), not {encoder_counts_per_turn} for one"
@@ -279,7 +280,8 @@ pub(super) fn not_enabled(t: &mut Tester) -> Result<(), Stop> {
         write(t, node_id, 0x6060, &[TORQUE_MODE as u8])?;
         // A target is in thousandths of the rated torque (object 6071), as the torque actual value is.
         let target = (load_of(t) / drive.torque_step_nm()) as i16;
-        let ([a, b], [c, d]) = (0x07_u16.to_le_bytes(), target.to_le_bytes());
+        let [a, b] = 0x07_u16.to_le_bytes();
+        let [c, d] = target.to_le_bytes();
         for _ in 0..5 {
             send(t, COMMAND_BASE + u16::from(node_id), &[a, b, c, d])?;
             t.run_ns(20 * MS)?;
@@ -299,7 +301,8 @@ pub(super) fn emergencies(t: &mut Tester) -> Result<(), Stop> {
     t.on.awaited_ns()?;
     drive(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns) = (t.mark(), t.commanded_ns);
+    let from = t.mark();
+    let since_ns = t.commanded_ns;
     if judged_fault(t, from, since_ns, t.on.timeout_ns() + GONE_NS)?.is_none() {
         return inconclusive("without targets it doesn't fault: the case plant-command-timeout tests this");
     }

@@ -128,7 +128,8 @@ impl PlantEnd {
         self.is_awaited = self.node.is_armed();
         self.armed_samples += u64::from(self.is_awaited);
         let measurement = self.plant.measure();
-        let (states, travel_m) = (self.plant.states(), self.plant.limited_travel_m());
+        let states = self.plant.states();
+        let travel_m = self.plant.limited_travel_m();
         let published = self.node.publish(&PublishedSample { measurement: &measurement, states, travel_m });
         published.or_else(|error| inconclusive(error.to_string()))
     }

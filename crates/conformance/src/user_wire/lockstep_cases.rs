@@ -45,7 +45,9 @@ fn answers_more(t: &mut Tester, samples: u64) -> Result<(), Stop> {
 /// Each sample is answered once.
 pub(super) fn controller_answers(t: &mut Tester) -> Result<(), Stop> {
     begin(t)?;
-    let (from, from_ns, before) = (t.mark(), t.now_ns(), t.plant()?.armed_samples);
+    let from = t.mark();
+    let from_ns = t.now_ns();
+    let before = t.plant()?.armed_samples;
     answers_more(t, SAMPLES)?;
     let samples = t.plant()?.armed_samples - before;
     let took_ns = t.now_ns() - from_ns;
@@ -125,7 +127,9 @@ pub(super) fn plant_timeout(t: &mut Tester) -> Result<(), Stop> {
     }
     arm(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns, within_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns() + fault_within_ns(t));
+    let from = t.mark();
+    let since_ns = t.commanded_ns;
+    let within_ns = t.on.timeout_ns() + fault_within_ns(t);
     match judged_fault(t, from, since_ns, within_ns)? {
         Some(_) => Ok(()),
         None => late(format!("without an answer it says no fault within {}", ms(within_ns))),

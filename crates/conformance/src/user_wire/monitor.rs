@@ -167,7 +167,8 @@ impl Monitor {
         // run.
         self.runs += u64::from(self.was_armed && !is_armed);
         self.was_armed = is_armed;
-        let (sender, decoded) = (on.sender(frame), self.decoder.decode(frame));
+        let sender = on.sender(frame);
+        let decoded = self.decoder.decode(frame);
         let message = match decoded {
             Decoded::Message(message) if !matches!(message.outcome, Outcome::Unmapped) => message,
             Decoded::Request { message, .. } if sender == Some(on.tested) => {

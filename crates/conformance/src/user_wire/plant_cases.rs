@@ -43,7 +43,8 @@ pub(super) fn arm(t: &mut Tester) -> Result<(), Stop> {
     if is_armed_within(t, t.settings.patience_ns)? {
         return Ok(());
     }
-    let (patience, said) = (ms(t.settings.patience_ns), said(t.heard()));
+    let patience = ms(t.settings.patience_ns);
+    let said = said(t.heard());
     inconclusive(format!("asked to arm for {patience} it is not armed{said}"))
 }
 
@@ -182,13 +183,15 @@ pub(super) fn rates(t: &mut Tester) -> Result<(), Stop> {
         return skipped("no reading comes by itself at least every 300 ms");
     }
     meet(t)?;
-    let (from, start_ns) = (t.mark(), t.now_ns());
+    let from = t.mark();
+    let start_ns = t.now_ns();
     t.run_ns(WATCH_NS)?;
     let watched_ns = t.now_ns() - start_ns;
     let mut counts: BTreeMap<Id, u64> = BTreeMap::new();
     t.heard()[from..].iter().for_each(|heard| *counts.entry(heard.id).or_default() += 1);
     for (id, period_ns) in due {
-        let (came, expected) = (counts.get(&id).copied().unwrap_or(0) as f64, watched_ns as f64 / period_ns as f64);
+        let came = counts.get(&id).copied().unwrap_or(0) as f64;
+        let expected = watched_ns as f64 / period_ns as f64;
         // The tolerance of the rate, a hold-up as long as the margin, and a frame at each end of the watch.
         let slack = RATE_TOLERANCE * expected + MARGIN_NS as f64 / period_ns as f64 + 2.0;
         if (came - expected).abs() > slack {
@@ -280,7 +283,9 @@ pub(super) fn command_timeout(t: &mut Tester) -> Result<(), Stop> {
     }
     drive(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns, timeout_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns());
+    let from = t.mark();
+    let since_ns = t.commanded_ns;
+    let timeout_ns = t.on.timeout_ns();
     let within_ns = timeout_ns + fault_within_ns(t);
     let fault = match judged_fault(t, from, since_ns, within_ns)? {
         Some(heard) => heard,
@@ -315,7 +320,9 @@ fn has_reason(t: &Tester, code: EmergencyCode) -> bool {
 
 /// The reported load becomes zero.
 pub(super) fn rests(t: &mut Tester) -> Result<(), Stop> {
-    let (names, load, unit) = (load_readings(t), load_of(t), unit(t));
+    let names = load_readings(t);
+    let load = load_of(t);
+    let unit = unit(t);
     if names.is_empty() {
         return Ok(());
     }
@@ -336,7 +343,8 @@ pub(super) fn disarm(t: &mut Tester) -> Result<(), Stop> {
         return skipped("no reading that is sent at least twice a second carries the plant's state or the acting load");
     }
     drive(t)?;
-    let (now_ns, from) = (t.now_ns(), t.mark());
+    let now_ns = t.now_ns();
+    let from = t.mark();
     if let End::Exciter(node) = &mut t.end {
         // Leaving disarms the plant by whatever the mapping says, and then commands no more.
         node.leave(now_ns);
@@ -361,7 +369,8 @@ pub(super) fn reset(t: &mut Tester) -> Result<(), Stop> {
     }
     arm(t)?;
     t.alter = Alter::Mute;
-    let (from, since_ns) = (t.mark(), t.commanded_ns);
+    let from = t.mark();
+    let since_ns = t.commanded_ns;
     if judged_fault(t, from, since_ns, t.on.timeout_ns() + GONE_NS)?.is_none() {
         return inconclusive("without commands it doesn't fault: the case plant-command-timeout tests this");
     }
@@ -393,7 +402,8 @@ pub(super) fn stop(t: &mut Tester) -> Result<(), Stop> {
     }
     drive(t)?;
     let Some(frame) = t.sent.stop(t.on) else { return skipped("no frame can be made of what stops the plant") };
-    let (from, now_ns) = (t.mark(), t.now_ns());
+    let from = t.mark();
+    let now_ns = t.now_ns();
     t.send(&frame)?;
     let within_ns = fault_within_ns(t);
     match judged_fault(t, from, now_ns, within_ns)? {

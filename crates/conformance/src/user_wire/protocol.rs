@@ -83,7 +83,8 @@ impl UserWire {
             Mode::Lockstep => scenario.lockstep_timing()?,
             Mode::RealTime | Mode::Free => scenario.real_time_timing()?,
         };
-        let (rate_hz, tested_structure) = (scenario.wire_rate_hz()?, scenario.under_test()?);
+        let rate_hz = scenario.wire_rate_hz()?;
+        let tested_structure = scenario.under_test()?;
         let plant = Plant::new(&scenario.plant_spec(), &tested_structure).map_err(RunError::from)?;
         let wire = UserWire { tested, mode, preset, spec, rate_hz, timing, plant, decoder, scenario };
         // If the emulated exciter can't play on this protocol, that is said now and not within a case.

@@ -22,14 +22,17 @@ pub(super) fn damaged(t: &mut Tester, damage: Damage) -> Result<(), Stop> {
         });
     }
     t.on.awaited_ns()?;
-    let (names, has_state) = (load_readings(t), says_state(t));
+    let names = load_readings(t);
+    let has_state = says_state(t);
     if names.is_empty() && !has_state {
         return skipped("no reading that is sent at least twice a second carries the plant's state or the acting load");
     }
     drive(t)?;
     t.command(-load_of(t));
     t.alter = Alter::Commands(damage);
-    let (from, since_ns, timeout_ns) = (t.mark(), t.commanded_ns, t.on.timeout_ns());
+    let from = t.mark();
+    let since_ns = t.commanded_ns;
+    let timeout_ns = t.on.timeout_ns();
     let within_ns = timeout_ns + fault_within_ns(t);
     let is_said = judged_fault(t, from, since_ns, within_ns)?.is_some();
     let acted = loads(&t.heard()[from..], &names).find(|(_, read)| *read < -ACTS * load_of(t)).map(|(_, read)| read);

@@ -87,7 +87,8 @@ impl<'w> Tester<'w> {
         match self.on.spec.exciter(self.on.rate(), self.on.timing, Box::new(constant)) {
             Ok(mut node) => {
                 node.start(self.now_ns());
-                (self.end, self.load) = (End::Exciter(node), load);
+                self.end = End::Exciter(node);
+                self.load = load;
                 self.send_waiting()
             }
             Err(lack) => inconclusive(format!("{lack}")),

@@ -49,7 +49,8 @@ fn halves(x: f64) -> (f64, f64) {
 /// a b as its rounded value and the rounding error (Dekker, with Veltkamp's halves).
 fn two_product(a: f64, b: f64) -> DoubleDouble {
     let high = a * b;
-    let ((a_high, a_low), (b_high, b_low)) = (halves(a), halves(b));
+    let (a_high, a_low) = halves(a);
+    let (b_high, b_low) = halves(b);
     DoubleDouble { high, low: a_low * b_low - (((high - a_high * b_high) - a_low * b_high) - a_high * b_low) }
 }
 
@@ -58,7 +59,8 @@ impl Add for DoubleDouble {
     fn add(self, other: DoubleDouble) -> DoubleDouble {
         // The errors of both sums are kept: if only the low parts were added, digits would be lost where the high
         // parts cancel.
-        let (highs, lows) = (two_sum(self.high, other.high), two_sum(self.low, other.low));
+        let highs = two_sum(self.high, other.high);
+        let lows = two_sum(self.low, other.low);
         let first = two_sum(highs.high, highs.low + lows.high);
         two_sum(first.high, first.low + lows.low)
     }

@@ -224,8 +224,10 @@ fn slope_entry<const N: usize>(
 
 /// λⱼₘ m! (ωh)⁻ᵐ of every m, with ℓⱼ = Σ λⱼₘ sᵐ.
 fn slope_factors<const S: usize>(c: &[DoubleDouble; S], j: usize, phase: f64) -> [DoubleDouble; S] {
-    let (mut factors, phase) = (lagrange(c, j), DoubleDouble::new(phase));
-    let (mut factorial, mut power) = (DoubleDouble::new(1.0), phase);
+    let mut factors = lagrange(c, j);
+    let phase = DoubleDouble::new(phase);
+    let mut factorial = DoubleDouble::new(1.0);
+    let mut power = phase;
     for (m, factor) in factors.iter_mut().enumerate().skip(1) {
         factorial = factorial * DoubleDouble::new(m as f64);
         *factor = factorial * *factor / power;
@@ -237,7 +239,8 @@ fn slope_factors<const S: usize>(c: &[DoubleDouble; S], j: usize, phase: f64) ->
 /// Coefficients of ℓⱼ(s) = Π (s − cₖ)/(cⱼ − cₖ) over the other nodes k, from s⁰ up.
 fn lagrange<const S: usize>(c: &[DoubleDouble; S], j: usize) -> [DoubleDouble; S] {
     let [zero, one] = [0.0, 1.0].map(DoubleDouble::new);
-    let (mut coefficients, mut divisor) = ([zero; S], one);
+    let mut coefficients = [zero; S];
+    let mut divisor = one;
     coefficients[0] = one;
     for k in (1..S).map(|n| (j + n) % S) {
         // From the highest power down, so that the coefficient below is still that of the polynomial before.

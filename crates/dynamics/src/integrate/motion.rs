@@ -43,7 +43,8 @@ impl<T, const N: usize> Motion<T, N> {
     {
         let mut lane = Motion::splat(0.0);
         for n in 0..N {
-            (lane.x[n], lane.v[n]) = (self.x[n].lane(i), self.v[n].lane(i));
+            lane.x[n] = self.x[n].lane(i);
+            lane.v[n] = self.v[n].lane(i);
         }
         lane
     }

@@ -78,7 +78,8 @@ impl<T: Real> Turn<T> {
     pub fn new<const FAR: bool>(alpha_rad: T) -> Turn<T> {
         let z = alpha_rad * alpha_rad;
         let z2 = z * z;
-        let (p, q) = (polynomial(&SINE, z, z2), polynomial(&COSINE, z, z2));
+        let p = polynomial(&SINE, z, z2);
+        let q = polynomial(&COSINE, z, z2);
         // The leading terms stand outside of the polynomials, so that their rounding errors are those of a small
         // correction.
         let near = (alpha_rad + (z * alpha_rad) * p, z * q);
@@ -110,7 +111,9 @@ impl<T: Real> Angle<T> {
     /// Sine and cosine of the angle after a turn.
     #[inline(always)]
     pub fn turned(&self, turn: Turn<T>) -> (T, T) {
-        let (h, t, cosine) = (self.sine, self.cosine, T::splat(1.0) + turn.versed);
+        let h = self.sine;
+        let t = self.cosine;
+        let cosine = T::splat(1.0) + turn.versed;
         (h * cosine + t * turn.sine, t * cosine - h * turn.sine)
     }
 
@@ -179,7 +182,8 @@ mod tests {
     /// The bound of 8 u, with 1 u for the reference, over a grid of poses.
     #[test]
     fn polynomials_keep_their_bound() {
-        let (mut worst, mut count) = (0.0_f64, 0);
+        let mut worst = 0.0_f64;
+        let mut count = 0;
         for pose in -360..=360 {
             let beta = f64::from(pose).to_radians();
             let angle = Angle::new(beta);

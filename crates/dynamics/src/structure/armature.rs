@@ -173,7 +173,8 @@ impl Armature {
 
     /// Returns the effect of the armature at a position and velocity of the structure, a current and a command.
     pub(super) fn push(&self, at: &Position<'_>, v: &[f64], state_a: f64, blocked_n: f64) -> Push {
-        let (coil, motion) = (&self.coil, self.motion(at, v));
+        let coil = &self.coil;
+        let motion = self.motion(at, v);
         let current_a = coil.current_a(state_a, blocked_n, motion.velocity_m_s);
         // L di/dt = R (F/Bl − i) − Bl ṡ is R times the settled current less i, so that R/L is its rate.
         let settled_a = coil.settled_a(blocked_n, motion.velocity_m_s);
@@ -199,7 +200,9 @@ impl Armature {
 
     /// The linear part of a structure at rest with the armature on it, without its coil.
     pub(super) fn linear(&self, of: &Assembly) -> Linear {
-        let (n, rest, mut w) = (of.coordinates(), [0.0; MOST_COORDINATES], [0.0; MOST_COORDINATES]);
+        let n = of.coordinates();
+        let rest = [0.0; MOST_COORDINATES];
+        let mut w = [0.0; MOST_COORDINATES];
         self.direction(&of.at(&rest[..n]), &mut w[..n]);
         let mut linear = of.linear();
         // Each gives a matrix of rank 1 along w. The spring's share by the curvature of s is zero, since s = 0 at
@@ -231,8 +234,10 @@ impl Armature {
 
     /// wᵀM⁻¹w of the structure alone at rest, 1/kg; not a number if M can't be factored.
     pub(super) fn mobility_1_kg(&self, of: &Assembly) -> f64 {
-        let (n, rest) = (of.coordinates(), [0.0; MOST_COORDINATES]);
-        let (mut w, mut mass) = ([0.0; MOST_COORDINATES], of.linear().mass);
+        let n = of.coordinates();
+        let rest = [0.0; MOST_COORDINATES];
+        let mut w = [0.0; MOST_COORDINATES];
+        let mut mass = of.linear().mass;
         self.direction(&of.at(&rest[..n]), &mut w[..n]);
         let mut solved = w;
         match super::modes::cholesky(n, &mut mass) {

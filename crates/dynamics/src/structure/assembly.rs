@@ -90,7 +90,9 @@ impl Assembly {
         if specs.len() > MOST_ELEMENTS {
             return Err(StructureError::structure_count("elements", specs.len(), 0, MOST_ELEMENTS));
         }
-        let (mut elements, mut polynomials, mut states) = (Vec::with_capacity(specs.len()), Vec::new(), 0);
+        let mut elements = Vec::with_capacity(specs.len());
+        let mut polynomials = Vec::new();
+        let mut states = 0;
         for (i, spec) in specs.iter().enumerate() {
             let number = i + 1;
             match spec {
@@ -124,7 +126,8 @@ impl Assembly {
     /// Makes the error of impossible frequencies from the smallest and largest ratio of the diagonals of K and M, since
     /// the modes are not known.
     fn impossible_frequencies(&self) -> StructureError {
-        let (linear, n) = (self.linear(), self.coordinates());
+        let linear = self.linear();
+        let n = self.coordinates();
         let hz = |i: usize| libm::sqrt(linear.stiffness[i * n + i] / linear.mass[i * n + i]) / core::f64::consts::TAU;
         let range = |pick: fn(f64, f64) -> f64| (0..n).map(hz).reduce(pick).unwrap_or(f64::NAN);
         StructureError::Frequencies { lowest_hz: range(f64::min), highest_hz: range(f64::max) }
@@ -274,7 +277,8 @@ impl Assembly {
 
     /// Returns ∂x/∂q of a degree of freedom at rest; see [`Position::direction`].
     pub fn direction_at_rest(&self, dof: Dof) -> Vec<f64> {
-        let (rest, mut direction) = (vec![0.0; self.coordinates()], vec![0.0; self.coordinates()]);
+        let rest = vec![0.0; self.coordinates()];
+        let mut direction = vec![0.0; self.coordinates()];
         self.at(&rest).direction(dof, &mut direction);
         direction
     }
@@ -292,7 +296,8 @@ impl Assembly {
     /// Friction and the bristles of LuGre's are left out, as if they slipped, and so are contacts and gaps.
     pub fn linear(&self) -> Linear {
         let n = self.coordinates();
-        let (rest, mut at) = (vec![0.0; n], Linearised::new(n));
+        let rest = vec![0.0; n];
+        let mut at = Linearised::new(n);
         let position = self.at(&rest);
         // At rest and without a load the derivatives of the unbalance are K, D and M themselves.
         position.linearise(&rest, &rest, &rest, &mut at);

@@ -118,7 +118,8 @@ pub(super) struct Moving<T, const N: usize> {
 /// φ = T q of the first n.
 #[inline(always)]
 fn summed(q: &[f64]) -> PerLink {
-    let (mut sums, mut sum) = ([0.0; MOST_LINKS], 0.0);
+    let mut sums = [0.0; MOST_LINKS];
+    let mut sum = 0.0;
     for (entry, q) in sums.iter_mut().zip(q) {
         sum += q;
         *entry = sum;
@@ -175,18 +176,23 @@ impl Chain {
     fn relaxed(links: &[Link], gravity_m_s2: f64) -> Chain {
         let n = links.len();
         let mut inertia = [[0.0; MOST_LINKS]; MOST_LINKS];
-        let (mut outside_kg, mut weight_nm, mut moment_kg_m) = (0.0, [0.0; MOST_LINKS], [0.0; MOST_LINKS]);
+        let mut outside_kg = 0.0;
+        let mut weight_nm = [0.0; MOST_LINKS];
+        let mut moment_kg_m = [0.0; MOST_LINKS];
         let mut moment_turn_rad = [0.0; MOST_LINKS];
         // From the tip inwards, so that `outside_kg` is the mass of the links beyond the jth.
         for j in (0..n).rev() {
             let Link { length_m, mass_kg, centre_of_mass_m, centre_of_mass_off_m, inertia_kg_m2, .. } = links[j];
-            let (along, across) = (mass_kg * centre_of_mass_m + length_m * outside_kg, mass_kg * centre_of_mass_off_m);
+            let along = mass_kg * centre_of_mass_m + length_m * outside_kg;
+            let across = mass_kg * centre_of_mass_off_m;
             // On the line the moment keeps its sign.
             let (moment, turn_rad) = match across == 0.0 {
                 true => (along, 0.0),
                 false => (libm::hypot(along, across), libm::atan2(across, along)),
             };
-            (moment_kg_m[j], weight_nm[j], moment_turn_rad[j]) = (moment, gravity_m_s2 * moment, turn_rad);
+            moment_kg_m[j] = moment;
+            weight_nm[j] = gravity_m_s2 * moment;
+            moment_turn_rad[j] = turn_rad;
             let off_m2 = centre_of_mass_off_m * centre_of_mass_off_m;
             // The parallel-axis theorem (Steiner) moves the inertia to the joint. The links outside act like a point
             // mass at the end of this one, since their own turning is in their own rows.
@@ -217,7 +223,8 @@ impl Chain {
     /// The sag s with K s + Tᵀ[w cos(θ + δ + Ts)] = 0 from relaxed springs, by Newton's method; `None` if no equilibrium is
     /// found, or the one found is not stable.
     fn equilibrium(&self, relaxed_rad: &PerLink) -> Option<PerLink> {
-        let (n, mut sag) = (self.n, [0.0; MOST_LINKS]);
+        let n = self.n;
+        let mut sag = [0.0; MOST_LINKS];
         // Without weight the springs stay relaxed, and zero is the exact solution.
         if self.weight_nm == [0.0; MOST_LINKS] {
             return Some(sag);
@@ -226,7 +233,8 @@ impl Chain {
             let sagged = summed(&sag[..n]);
             // The residual is the gradient of the potential energy of springs and weight, and the tangent its second
             // derivative, which is positive definite where the equilibrium is stable.
-            let (mut residual, mut tangent) = ([0.0; MOST_LINKS], [0.0; MOST_LINKS * MOST_LINKS]);
+            let mut residual = [0.0; MOST_LINKS];
+            let mut tangent = [0.0; MOST_LINKS * MOST_LINKS];
             for i in 0..n {
                 let (sine, cosine) = libm::sincos(relaxed_rad[i] + sagged[i] + self.moment_turn_rad[i]);
                 residual[i] = self.weight_nm[i] * cosine;
@@ -263,7 +271,8 @@ impl Chain {
             turned.turn[i] = Turn::new::<true>(angle_rad);
             (turned.sine[i], turned.cosine[i]) = self.rest[i].turned(turned.turn[i]);
         }
-        (turned.moment_sine, turned.moment_cosine) = (turned.sine, turned.cosine);
+        turned.moment_sine = turned.sine;
+        turned.moment_cosine = turned.cosine;
         if !self.is_straight {
             for i in 0..self.n {
                 (turned.moment_sine[i], turned.moment_cosine[i]) = self.moment_rest[i].turned(turned.turn[i]);
@@ -274,7 +283,9 @@ impl Chain {
 
     /// The unbalance under generalised forces.
     pub fn unbalance(&self, links: &Turned, [q, v, a]: [&[f64]; 3], force: &[f64], out: &mut [f64]) {
-        let (n, rate, acceleration) = (self.n, summed(&v[..self.n]), summed(&a[..self.n]));
+        let n = self.n;
+        let rate = summed(&v[..self.n]);
+        let acceleration = summed(&a[..self.n]);
         for (i, out) in out[..n].iter_mut().enumerate() {
             // Only the change of the weight's moment since rest: the preload of the springs balances the moment at
             // rest.
@@ -299,10 +310,12 @@ impl Chain {
         added: Option<(f64, &[f64])>,
         out: &mut [f64],
     ) {
-        let (n, mut mass) = (self.n, [0.0; MOST_LINKS * MOST_LINKS]);
+        let n = self.n;
+        let mut mass = [0.0; MOST_LINKS * MOST_LINKS];
         let mass = &mut mass[..n * n];
         for (k, entry) in mass.iter_mut().enumerate() {
-            let (i, j) = (k / n, k % n);
+            let i = k / n;
+            let j = k % n;
             // cos 0 is 1, which the sum of rounded squares need not be.
             *entry = self.inertia[i][j] * if i == j { 1.0 } else { links.between(i, j).1 };
         }
@@ -354,7 +367,8 @@ impl Chain {
         [q, v, a]: [&[f64]; 3],
         force: &[f64],
     ) -> LinearisedLinks<N> {
-        let (rate, acceleration) = (summed(&v[..N]), summed(&a[..N]));
+        let rate = summed(&v[..N]);
+        let acceleration = summed(&a[..N]);
         let mut unbalance = [0.0; N];
         let [mut by_position, mut by_velocity, mut by_acceleration] = [[[0.0; N]; N]; 3];
         for i in 0..N {
@@ -362,7 +376,8 @@ impl Chain {
             by_position[i][i] = -self.weight_nm[i] * links.moment_sine[i];
             let mut others = 0.0;
             for j in 0..N {
-                let ((sine, cosine), inertia) = (links.between(i, j), self.inertia[i][j]);
+                let (sine, cosine) = links.between(i, j);
+                let inertia = self.inertia[i][j];
                 let square = rate[j] * rate[j];
                 unbalance[i] += inertia * (cosine * acceleration[j] + sine * square);
                 // sin 0 = 0: of the diagonal the inertia is left, and the derivative by its own angle comes from the
@@ -392,9 +407,13 @@ impl Chain {
 
     /// The energy of motion, of springs, and of the weight less its value and slope at rest, J.
     pub fn energy_j(&self, q: &[f64], v: &[f64]) -> f64 {
-        let (n, links, rate) = (self.n, self.turned(q), summed(&v[..self.n]));
+        let n = self.n;
+        let links = self.turned(q);
+        let rate = summed(&v[..self.n]);
         let turned_rad = summed(&q[..n]);
-        let (mut kinetic, mut springs, mut weight_j) = (0.0, 0.0, 0.0);
+        let mut kinetic = 0.0;
+        let mut springs = 0.0;
+        let mut weight_j = 0.0;
         for i in 0..n {
             for j in 0..n {
                 kinetic += self.inertia[i][j] * links.between(i, j).1 * (rate[i] * rate[j]);

@@ -45,8 +45,11 @@ impl Stroke {
     /// p with p(0), p(1), p'(0), p'(1) and ∫p given: with A = p(1) − p(0) − p'(0), B = p'(1) − p'(0) and
     /// C = ∫p − p(0) − ½ p'(0), p₄ = 30 C − 15 A + 2.5 B, p₂ = 3 A − B + p₄, p₃ = B − 2 A − 2 p₄.
     fn polynomial(&self) -> [f64; TERMS] {
-        let ([v0, v1], [d0, d1]) = (self.velocity_m_s, self.change_m_s);
-        let (a, b, c) = (v1 - v0 - d0, d1 - d0, self.mean_m_s - v0 - 0.5 * d0);
+        let [v0, v1] = self.velocity_m_s;
+        let [d0, d1] = self.change_m_s;
+        let a = v1 - v0 - d0;
+        let b = d1 - d0;
+        let c = self.mean_m_s - v0 - 0.5 * d0;
         let p4 = 30.0 * c - 15.0 * a + 2.5 * b;
         [v0, d0, 3.0 * a - b + p4, b - 2.0 * a - 2.0 * p4, p4]
     }

@@ -236,7 +236,8 @@ impl Law {
             }
             Law::HuntCrossley { stiffness, damping, gap, side, .. } => {
                 let (depth, rate) = pressed(side, position, velocity, gap);
-                let (power, pushing) = (power_three_halves(depth), 1.0 + damping * rate);
+                let power = power_three_halves(depth);
+                let pushing = 1.0 + damping * rate;
                 Reaction {
                     force: side.sign() * stiffness * power * pushing,
                     by_position: 1.5 * stiffness * libm::sqrt(depth.max(0.0)) * pushing,

@@ -121,7 +121,8 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     fn moving<const FAR: bool>(&self, motion: &Motion<T, N>) -> Moving<T, N> {
         let angle = summed(&motion.x);
         let mut turn = [Turn::new::<FAR>(angle[0]); N];
-        let (mut sine, mut cosine) = ([T::splat(0.0); N], [T::splat(0.0); N]);
+        let mut sine = [T::splat(0.0); N];
+        let mut cosine = [T::splat(0.0); N];
         // In one loop: with the turns in a loop of their own, a step takes a third longer.
         for i in 0..N {
             if i > 0 {
@@ -129,7 +130,8 @@ impl<T: Real, const N: usize> Kernel<T, N> {
             }
             (sine[i], cosine[i]) = self.rest[i].turned(turn[i]);
         }
-        let (mut moment_sine, mut moment_cosine) = (sine, cosine);
+        let mut moment_sine = sine;
+        let mut moment_cosine = cosine;
         if !self.is_straight {
             for i in 0..N {
                 (moment_sine[i], moment_cosine[i]) = self.moment_rest[i].turned(turn[i]);
@@ -141,26 +143,31 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     /// The forces on each turn φ but those of joints, with the power of those from outside.
     #[inline(always)]
     fn outer(&self, at: &Moving<T, N>, load: &LinksLoad<T, N>) -> ([T; N], T) {
-        let (mut force, mut power) = ([T::splat(0.0); N], T::splat(0.0));
+        let mut force = [T::splat(0.0); N];
+        let mut power = T::splat(0.0);
         for (i, (force, [x, y])) in force.iter_mut().zip(load.force_n).enumerate() {
             let tip = self.length_m[i] * (y * at.cosine[i] - x * at.sine[i]);
             *force = tip - self.weight_nm[i] * self.moment_rest[i].cosine_change(at.turn[i]);
             power = power + *force * at.rate[i];
         }
         // X_i and Y_i in two passes: from the base out for the links before i, from the tip in for those behind it.
-        let (mut x, mut y) = (T::splat(0.0), T::splat(0.0));
+        let mut x = T::splat(0.0);
+        let mut y = T::splat(0.0);
         let mut squares = at.rate;
         for i in 0..N {
             squares[i] = at.rate[i] * at.rate[i];
             force[i] = force[i] - self.moment_kg_m[i] * (at.moment_sine[i] * x - at.moment_cosine[i] * y);
             let pull = self.length_m[i] * squares[i];
-            (x, y) = (x + pull * at.cosine[i], y + pull * at.sine[i]);
+            x = x + pull * at.cosine[i];
+            y = y + pull * at.sine[i];
         }
-        (x, y) = (T::splat(0.0), T::splat(0.0));
+        x = T::splat(0.0);
+        y = T::splat(0.0);
         for i in (0..N).rev() {
             force[i] = force[i] - self.length_m[i] * (at.sine[i] * x - at.cosine[i] * y);
             let pull = self.moment_kg_m[i] * squares[i];
-            (x, y) = (x + pull * at.moment_cosine[i], y + pull * at.moment_sine[i]);
+            x = x + pull * at.moment_cosine[i];
+            y = y + pull * at.moment_sine[i];
         }
         (force, power)
     }
@@ -169,7 +176,8 @@ impl<T: Real, const N: usize> Kernel<T, N> {
     #[inline(always)]
     fn factored(&self, at: &Moving<T, N>, armature: Option<&MovingMass<T, N>>) -> ([[T; N]; N], [T; N]) {
         let zero = T::splat(0.0);
-        let (mut lower, mut inverse) = ([[zero; N]; N], [zero; N]);
+        let mut lower = [[zero; N]; N];
+        let mut inverse = [zero; N];
         for i in 0..N {
             let mut diagonal = self.inertia[i];
             if let Some(armature) = armature {
@@ -182,7 +190,8 @@ impl<T: Real, const N: usize> Kernel<T, N> {
                 if let Some(armature) = armature {
                     scaled = scaled + armature.between(i, j);
                 }
-                let (own, above) = (lower[i], lower[j]);
+                let own = lower[i];
+                let above = lower[j];
                 for (own, above) in own.iter().zip(&above).take(j) {
                     scaled = scaled - *own * *above;
                 }
@@ -344,7 +353,8 @@ impl<const N: usize> Links<N> {
             SmoothMass::new(armature.mass_kg, along)
         });
         let polynomials = assembly.polynomials().iter().map(|of| SmoothPolynomial::new(of, chain)).collect();
-        let (lanes, smooth) = (Kernel::gather(&kernel), Smooth { elements, polynomials, armature });
+        let lanes = Kernel::gather(&kernel);
+        let smooth = Smooth { elements, polynomials, armature };
         Links { chain: chain.clone(), kernel, lanes, smooth, fastest_rad_s: core::f64::consts::TAU * fastest_hz }
     }
 
@@ -362,7 +372,8 @@ impl<const N: usize> Links<N> {
 
     /// Reads the kinematics of degrees of freedom at a motion under a load.
     pub fn read(&self, motion: &Motion<f64, N>, load: &LinksLoad<f64, N>, dofs: &[Dof], out: &mut [Kinematics]) {
-        let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
+        let at = self.kernel.moving::<true>(motion);
+        let kernel = &self.kernel;
         let acceleration = kernel.rates_at(&at, motion, load, &self.smooth).acceleration;
         let turned = summed(&acceleration);
         for (dof, out) in dofs.iter().zip(out) {
@@ -374,7 +385,8 @@ impl<const N: usize> Links<N> {
                 At::Point { links, axis } => {
                     let mut sum = Kinematics::default();
                     for (i, turned) in turned.iter().enumerate().take(links) {
-                        let (l, Angle { sine, cosine }) = (kernel.length_m[i], kernel.rest[i]);
+                        let l = kernel.length_m[i];
+                        let Angle { sine, cosine } = kernel.rest[i];
                         // Along x the derivatives of cos θ, along y those of sin θ.
                         let (moved, slope, curvature) = match axis {
                             Axis::X => (at.turn[i].weighed(-sine, cosine), -at.sine[i], -at.cosine[i]),
@@ -539,8 +551,12 @@ impl<const N: usize> Dynamics<N> for Links<N> {
     /// Without the weight's and the elements', which act as loads: ½ Σ c_ii φ̇_i² + Σ_j p_j φ̇_j (c_j Σ_{i<j} l_i c_i
     /// φ̇_i + s_j Σ_{i<j} l_i s_i φ̇_i) + ½ Σ k q², and ½ m ṡ² of an armature.
     fn energy_j(&self, motion: &Motion<f64, N>) -> f64 {
-        let (at, kernel) = (self.kernel.moving::<true>(motion), &self.kernel);
-        let (mut twice, mut cross, mut x, mut y) = (0.0, 0.0, 0.0, 0.0);
+        let at = self.kernel.moving::<true>(motion);
+        let kernel = &self.kernel;
+        let mut twice = 0.0;
+        let mut cross = 0.0;
+        let mut x = 0.0;
+        let mut y = 0.0;
         for i in 0..N {
             let rate = at.rate[i];
             twice += kernel.inertia[i] * (rate * rate) + kernel.stiffness[i] * (motion.x[i] * motion.x[i]);

@@ -43,7 +43,8 @@ impl Modal {
         for (i, mode) in spec.modes.iter().enumerate() {
             for (name, got) in [("frequency_hz", mode.frequency_hz), ("damping_ratio", mode.damping_ratio)] {
                 if !(got.is_finite() && got >= 0.0) {
-                    let (part, expected) = (format!("mode {}", i + 1), "a number from 0");
+                    let part = format!("mode {}", i + 1);
+                    let expected = "a number from 0";
                     return Err(StructureError::Value { part, name, got, expected });
                 }
             }
@@ -143,7 +144,8 @@ pub fn mode_transient(omega_rad_s: f64, damping_ratio: f64, t_s: f64) -> [f64; 2
         return [decay * cosine, decay * sine / damped];
     }
     let Rates { slow, half_gap } = Rates::new(omega_rad_s, damping_ratio);
-    let (slow, gap) = (libm::exp(-slow * t_s), -libm::expm1(-2.0 * half_gap * t_s));
+    let slow = libm::exp(-slow * t_s);
+    let gap = -libm::expm1(-2.0 * half_gap * t_s);
     // At ζ = 1 the quotient is 0/0, and its limit is t.
     let s = if half_gap > 0.0 { gap / (2.0 * half_gap) } else { t_s };
     [slow * (1.0 - 0.5 * gap), slow * s]
@@ -177,7 +179,8 @@ fn check(shape: &ShapeSpec, modes: usize, before: &[ShapeSpec]) -> Result<(), St
     if shape.point.is_empty() || shape.point.contains('.') {
         return Err(StructureError::PointName { got: shape.point.clone() });
     }
-    let (name, got) = (shape_name(shape), shape.by_mode.len());
+    let name = shape_name(shape);
+    let got = shape.by_mode.len();
     if before.iter().any(|other| other.point == shape.point && other.axis == shape.axis) {
         return Err(StructureError::ShapeTwice { name });
     }

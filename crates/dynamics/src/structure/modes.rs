@@ -84,7 +84,8 @@ pub(super) fn free_modes(of: &Linear) -> Option<Vec<StructureMode>> {
 
 /// L of A = L Lᵀ, and S = L⁻¹ B L⁻ᵀ, for symmetric A and B. `None` if A is not positive definite.
 fn reduced(n: usize, a: &[f64], b: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
-    let (mut factor, mut s) = (a.to_vec(), b.to_vec());
+    let mut factor = a.to_vec();
+    let mut s = b.to_vec();
     cholesky(n, &mut factor)?;
     // L⁻¹ B, by columns since B is symmetric, then (L⁻¹ B) L⁻ᵀ by rows.
     for row in s.chunks_exact_mut(n) {
@@ -145,8 +146,10 @@ fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f
     let cosine = 1.0 / libm::sqrt(1.0 + t * t);
     let sine = t * cosine;
     let turn = |values: &mut [f64], a: usize, b: usize| {
-        let (x, y) = (values[a], values[b]);
-        (values[a], values[b]) = (cosine * x - sine * y, sine * x + cosine * y);
+        let x = values[a];
+        let y = values[b];
+        values[a] = cosine * x - sine * y;
+        values[b] = sine * x + cosine * y;
     };
     for k in 0..n {
         // Rows here and columns below make JᵀSJ. The eigenvectors are rows, so they turn with the rows alone.
@@ -157,7 +160,8 @@ fn rotate(n: usize, s: &mut [f64], vectors: &mut [f64], [p, q]: [usize; 2], t: f
         turn(s, k * n + p, k * n + q);
     }
     // Zero but for rounding, and the test for convergence looks at it.
-    (s[p * n + q], s[q * n + p]) = (0.0, 0.0);
+    s[p * n + q] = 0.0;
+    s[q * n + p] = 0.0;
 }
 
 /// Sorts undamped modes by frequency and adds the damping ratios. In modal coordinates the damped eigenproblem is (λ² + λ C +

@@ -102,14 +102,16 @@ fn values(spec: &mut StructureSpec) -> Vec<(Parameter, &mut f64)> {
         let is_joint = element.is_at_joint();
         match element {
             ElementSpec::Point { law, .. } => {
-                let (part, place) = (Part::Element(number), usize::from(is_joint));
+                let part = Part::Element(number);
+                let place = usize::from(is_joint);
                 for (Value(keys, units), value) in values_of_law(law) {
                     found.push((Parameter { part, key: keys[place], unit: units[place] }, value));
                 }
             }
             ElementSpec::Polynomial { terms, .. } => {
                 for (term, of) in (1..).zip(terms) {
-                    let (part, unit) = (Part::Term { element: number, term }, energy_unit(of, is_joint));
+                    let part = Part::Term { element: number, term };
+                    let unit = energy_unit(of, is_joint);
                     found.push((Parameter { part, key: "energy", unit }, &mut of.energy));
                 }
             }

@@ -80,7 +80,8 @@ impl Polynomial {
                 return Err(StructureError::RepeatedPlace { element: number, place: place.name() });
             }
             if at[k].is_angle() != at[0].is_angle() {
-                let (at, to) = (places[0].name(), place.name());
+                let at = places[0].name();
+                let to = place.name();
                 return Err(StructureError::MixedPlaces { element: number, at, to });
             }
         }
@@ -145,7 +146,8 @@ impl Polynomial {
     }
 
     fn add_stiffness(&self, x: &[f64], is_bound: bool, stiffness: &mut [f64]) {
-        let (powers, size) = (powers(x), self.at.len());
+        let powers = powers(x);
+        let size = self.at.len();
         stiffness[..size * size].fill(0.0);
         for term in &self.terms {
             // With magnitudes in place of displacements every term counts as positive, so that terms of opposite signs

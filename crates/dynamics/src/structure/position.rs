@@ -125,7 +125,9 @@ impl<'a> Position<'a> {
     pub(super) fn drift(&self, dof: Dof, v: &[f64]) -> f64 {
         let (At::Point { links, axis }, BodyIn::Chain(chain, turned)) = (dof.0, &self.body) else { return 0.0 };
         // The sum from joint k out is the same for all pairs up to k.
-        let (outer, mut sum, mut before) = (chain.curvature_m(turned, links, axis), 0.0, 0.0);
+        let outer = chain.curvature_m(turned, links, axis);
+        let mut sum = 0.0;
+        let mut before = 0.0;
         // vᵀ ∂²x/∂q² v = Σ_ij c_max(i,j) v_i v_j = Σ_k c_k (s_k² − s_{k−1}²), s_k being the sum of the first k rates.
         for (curvature, v) in outer.iter().zip(v) {
             let turning = before + v;

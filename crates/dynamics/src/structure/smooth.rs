@@ -50,9 +50,11 @@ impl<const N: usize> SmoothPlace<N> {
     /// Displacement x and velocity v.
     #[inline(always)]
     fn position_and_velocity<T: Real>(&self, motion: &Motion<T, N>, at: &Moving<T, N>, rest: &[Angle<T>; N]) -> (T, T) {
-        let (mut position, mut velocity) = (T::splat(0.0), T::splat(0.0));
+        let mut position = T::splat(0.0);
+        let mut velocity = T::splat(0.0);
         for (i, Angle { sine, cosine }) in rest.iter().copied().enumerate() {
-            let (joint, [a, b]) = (T::splat(self.joints[i]), self.links_m[i].map(T::splat));
+            let joint = T::splat(self.joints[i]);
+            let [a, b] = self.links_m[i].map(T::splat);
             position =
                 position + joint * motion.x[i] + at.turn[i].weighed(b * cosine - a * sine, a * cosine + b * sine);
             velocity = velocity + joint * motion.v[i] + (b * at.cosine[i] - a * at.sine[i]) * at.rate[i];
@@ -64,7 +66,8 @@ impl<const N: usize> SmoothPlace<N> {
     #[inline(always)]
     fn pull<T: Real>(&self, own: T, at: &Moving<T, N>, torque: &mut [T; N], force: &mut [T; N]) {
         for i in 0..N {
-            let (joint, [a, b]) = (T::splat(self.joints[i]), self.links_m[i].map(T::splat));
+            let joint = T::splat(self.joints[i]);
+            let [a, b] = self.links_m[i].map(T::splat);
             torque[i] = torque[i] - joint * own;
             force[i] = force[i] - (b * at.cosine[i] - a * at.sine[i]) * own;
         }
@@ -73,7 +76,8 @@ impl<const N: usize> SmoothPlace<N> {
     /// Returns w and q̇ᵀ ∂w/∂q, and adds `force` ∂w/∂φ to what is summed over the turns.
     fn slopes(&self, force: f64, at: &Moving<f64, N>, turning: &mut [f64; N]) -> [[f64; N]; 2] {
         let [mut w, mut drift] = [[0.0; N]; 2];
-        let (mut outer, mut outer_drift) = (0.0, 0.0);
+        let mut outer = 0.0;
+        let mut outer_drift = 0.0;
         for i in (0..N).rev() {
             let [a, b] = self.links_m[i];
             let curvature = -(a * at.cosine[i] + b * at.sine[i]);
@@ -81,7 +85,8 @@ impl<const N: usize> SmoothPlace<N> {
             // from there outwards.
             outer += b * at.cosine[i] - a * at.sine[i];
             outer_drift += curvature * at.rate[i];
-            (w[i], drift[i]) = (self.joints[i] + outer, outer_drift);
+            w[i] = self.joints[i] + outer;
+            drift[i] = outer_drift;
             turning[i] += force * curvature;
         }
         [w, drift]
@@ -185,7 +190,8 @@ impl<const N: usize> SmoothPolynomial<N> {
         torque: &mut [T; N],
         force: &mut [T; N],
     ) -> T {
-        let ([x, v], mut power) = (self.motion(motion, at, rest), T::splat(0.0));
+        let [x, v] = self.motion(motion, at, rest);
+        let mut power = T::splat(0.0);
         let forces = self.of.forces_in(&x);
         for ((place, own), velocity) in self.places.iter().zip(forces).zip(v) {
             place.pull(own, at, torque, force);
@@ -203,8 +209,10 @@ impl<const N: usize> SmoothPolynomial<N> {
         by_position: &mut [f64],
         turning: &mut [f64; N],
     ) {
-        let ([x, _], size) = (self.motion(motion, at, rest), self.places.len());
-        let (forces, mut stiffness) = (self.of.forces_in(&x), [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS]);
+        let [x, _] = self.motion(motion, at, rest);
+        let size = self.places.len();
+        let forces = self.of.forces_in(&x);
+        let mut stiffness = [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS];
         self.of.stiffness(&x[..size], &mut stiffness);
         let mut directions = [[0.0; N]; MOST_DISPLACEMENTS];
         for ((direction, place), force) in directions.iter_mut().zip(&self.places).zip(forces) {
@@ -278,7 +286,8 @@ impl<const N: usize> SmoothMass<N> {
 
     #[inline(always)]
     pub fn at<T: Real>(&self, at: &Moving<T, N>) -> MovingMass<T, N> {
-        let (mut direction, mut curvature) = ([T::splat(0.0); N], [T::splat(0.0); N]);
+        let mut direction = [T::splat(0.0); N];
+        let mut curvature = [T::splat(0.0); N];
         for i in 0..N {
             let [a, b] = self.along.links_m[i].map(T::splat);
             direction[i] = b * at.cosine[i] - a * at.sine[i];
@@ -303,14 +312,22 @@ impl<const N: usize> SmoothMass<N> {
             turned[i] += turned[i - 1];
         }
         let force_n = self.mass_kg * (own.along(&turned) + own.drift(at));
-        let (mut w, mut slope, mut by_rate) = ([0.0; N], [0.0; N], [0.0; N]);
-        let (mut outer, mut outer_slope, mut outer_rate) = (0.0, 0.0, 0.0);
+        let mut w = [0.0; N];
+        let mut slope = [0.0; N];
+        let mut by_rate = [0.0; N];
+        let mut outer = 0.0;
+        let mut outer_slope = 0.0;
+        let mut outer_rate = 0.0;
         for i in (0..N).rev() {
-            let (direction, curvature, rate) = (own.direction[i], own.curvature[i], at.rate[i]);
+            let direction = own.direction[i];
+            let curvature = own.curvature[i];
+            let rate = at.rate[i];
             outer += direction;
             outer_slope += curvature * turned[i] - direction * (rate * rate);
             outer_rate += 2.0 * curvature * rate;
-            (w[i], slope[i], by_rate[i]) = (outer, outer_slope, outer_rate);
+            w[i] = outer;
+            slope[i] = outer_slope;
+            by_rate[i] = outer_rate;
             turning[i] += force_n * curvature;
         }
         for row in 0..N {

@@ -238,18 +238,24 @@ impl Plan {
         range: Option<[f64; 2]>,
         curves: Vec<usize>,
     ) -> &mut Panel {
-        let (title, abscissa, panels) = (title.into(), Abscissa::FrequencyHz, &mut self.drawn.panels);
+        let title = title.into();
+        let abscissa = Abscissa::FrequencyHz;
+        let panels = &mut self.drawn.panels;
         panels.push(Panel { title, reading, abscissa, logarithmic: false, range, names: true, curves });
         let last = panels.len() - 1;
         &mut panels[last]
     }
 
     fn fill_figure4(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
-        let (four, preset) = (&settings.figure4, subject.preset);
-        let (torque, second) = (*four.torque_nm.of(preset), *four.second_zone_torque_nm.of(preset));
-        let (mut whole, mut zones) = (vec![], vec![]);
+        let four = &settings.figure4;
+        let preset = subject.preset;
+        let torque = *four.torque_nm.of(preset);
+        let second = *four.second_zone_torque_nm.of(preset);
+        let mut whole = vec![];
+        let mut zones = vec![];
         for &beta2_deg in &four.beta2_deg {
-            let (arm, label) = (subject.bent(beta2_deg)?, pose(beta2_deg));
+            let arm = subject.bent(beta2_deg)?;
+            let label = pose(beta2_deg);
             let zone = zone_hz(natural_hz(&arm)[1]);
             // Panels (a) and (b) show the same curves, panel (c) others, under the torque of the second zone.
             whole.push(self.over_frequency(label.clone(), arm.clone(), (Drive::Torque1, torque), settings.range_hz));
@@ -263,10 +269,13 @@ impl Plan {
     }
 
     fn fill_figure5(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
-        let (five, preset) = (&settings.figure5, subject.preset);
-        let (largest, frequency_hz) = (*five.largest_torque_nm.of(preset), five.frequency_hz);
+        let five = &settings.figure5;
+        let preset = subject.preset;
+        let largest = *five.largest_torque_nm.of(preset);
+        let frequency_hz = five.frequency_hz;
         for &beta2_deg in five.beta2_deg.of(preset) {
-            let (arm, varied) = (subject.bent(beta2_deg)?, Varied::Amplitude { largest, frequency_hz });
+            let arm = subject.bent(beta2_deg)?;
+            let varied = Varied::Amplitude { largest, frequency_hz };
             self.jobs.push(Job { label: pose(beta2_deg), arm, drive: Drive::Torque1, varied });
         }
         let curves = (0..self.jobs.len()).collect();
@@ -275,7 +284,8 @@ impl Plan {
     }
 
     fn fill_figure7(&mut self, subject: &Subject, settings: &Settings) -> Result<(), PaperError> {
-        let (seven, preset) = (&settings.figure7, subject.preset);
+        let seven = &settings.figure7;
+        let preset = subject.preset;
         let force = (Drive::ForceX, seven.force_n);
         let mut whole = vec![];
         for &beta2_deg in &seven.beta2_deg {

@@ -45,11 +45,13 @@ impl ForcedBranch {
         // straight lines is monotonic: the largest ratio is at the frequency of a response.
         for orbit in &self.orbits {
             let hz = orbit.frequency_hz;
-            let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
+            let mut least = f64::INFINITY;
+            let mut most = f64::NEG_INFINITY;
             // The stable segments over this frequency, interpolated; a vertical one has no single amplitude there.
             for [a, b] in stable.iter().filter(|[a, b]| a.0.min(b.0) <= hz && hz <= a.0.max(b.0) && a.0 != b.0) {
                 let amplitude = a.1 + (b.1 - a.1) * (hz - a.0) / (b.0 - a.0);
-                (least, most) = (least.min(amplitude), most.max(amplitude));
+                least = least.min(amplitude);
+                most = most.max(amplitude);
             }
             // Without a stable segment this is −∞/∞, a NaN, which is not larger.
             if most / least > largest.0 {
@@ -159,10 +161,12 @@ mod tests {
         // Both flanks are found at 1/√2 of the peak, each by interpolation.
         assert!((width / (2.0 * half_width) - 1.0).abs() < 1e-4, "{width}");
         // A bifurcation beside the highest step, off by its location error, changes nothing.
-        let (mut marked, highest) = (resonance.clone(), 15);
+        let mut marked = resonance.clone();
+        let highest = 15;
         let mut fold = marked.orbits[highest].clone();
         fold.largest.iter_mut().for_each(|amplitude| *amplitude *= 1.0 - 1e-6);
-        (fold.frequency_hz, fold.bifurcation) = (fold.frequency_hz - 1e-9, Some(BifurcationKind::Fold));
+        fold.frequency_hz -= 1e-9;
+        fold.bifurcation = Some(BifurcationKind::Fold);
         marked.orbits.insert(highest, fold);
         assert_eq!((marked.maxima(0)[0], marked.half_power_width_hz(0).unwrap()), (top, width));
     }

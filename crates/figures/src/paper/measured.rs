@@ -213,7 +213,8 @@ impl MeasuredZones {
         let read = read_at(&document.zones);
         let known = structure.dof_names();
         if let Some(absent) = read.iter().find(|name| !known.contains(name)) {
-            let (name, known) = (absent.clone(), known.join(", "));
+            let name = absent.clone();
+            let known = known.join(", ");
             return Err(MeasuredError::NoDof { origin: origin.to_string(), name, known });
         }
         let zones = document.zones.iter().enumerate().map(|(index, zone)| zone.measured(origin, index + 1, &read));
@@ -271,7 +272,8 @@ impl Zone {
             if fits { Ok(()) } else { Err(refusal()) }
         };
         // A force that is missing is reported like one of 0.
-        let (x, [from, to]) = (self.drive.get("tip.x").map_or(0.0, |load| load.amplitude), self.range_hz);
+        let x = self.drive.get("tip.x").map_or(0.0, |load| load.amplitude);
+        let [from, to] = self.range_hz;
         require("drive.tip.x", x, x > 0.0, "a positive number, since Fig. 9 is of a force along x")?;
         let other = self.drive.iter().find(|(name, load)| name.as_str() != "tip.x" && load.amplitude != 0.0);
         require(

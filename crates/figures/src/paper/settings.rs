@@ -267,7 +267,9 @@ impl Settings {
 
     fn check_preset(&self, preset: Preset) -> Result<(), SettingsError> {
         let key = |name: &str| format!("{name}.{preset}");
-        let (four, five, seven) = (&self.figure4, &self.figure5, &self.figure7);
+        let four = &self.figure4;
+        let five = &self.figure5;
+        let seven = &self.figure7;
         positive(&key("figure4.torque_nm"), *four.torque_nm.of(preset))?;
         positive(&key("figure4.second_zone_torque_nm"), *four.second_zone_torque_nm.of(preset))?;
         poses(&key("figure5.beta2_deg"), five.beta2_deg.of(preset))?;

@@ -43,7 +43,8 @@ impl Subject {
     /// [`PaperError::Structure`] if the preset's file can't be read.
     pub fn label(&self) -> Result<String, PaperError> {
         let length2_m = |chain: &ChainSpec| chain.links.get(1).map_or(f64::NAN, |link| link.length_m);
-        let (own, preset) = (length2_m(&self.chain), length2_m(&straight(self.preset)?));
+        let own = length2_m(&self.chain);
+        let preset = length2_m(&straight(self.preset)?);
         let name = self.preset.name();
         Ok(if own == preset {
             name.to_string()
@@ -82,8 +83,10 @@ impl Subject {
     /// # Errors
     /// [`SettingsError::Line`] if the tip can't reach the line.
     pub fn on_line_at(&self, beta2_deg: f64, height_m: f64) -> Result<Assembly, PaperError> {
-        let ((sine, cosine), [length1_m, length2_m]) = (libm::sincos(beta2_deg.to_radians()), self.lengths_m());
-        let (x, y) = (length1_m + length2_m * cosine, length2_m * sine);
+        let (sine, cosine) = libm::sincos(beta2_deg.to_radians());
+        let [length1_m, length2_m] = self.lengths_m();
+        let x = length1_m + length2_m * cosine;
+        let y = length2_m * sine;
         let reach_m = libm::hypot(x, y);
         if height_m.abs() > reach_m {
             return Err(SettingsError::Line { beta2_deg, reach_m, height_m }.into());

@@ -107,7 +107,8 @@ pub(super) fn range(coordinate: Coordinate, panels: &[&Panel]) -> Result<(f64, f
 fn data_range(coordinate: Coordinate, scale: Scale, panels: &[&Panel]) -> (f64, f64) {
     let series = || panels.iter().flat_map(|panel| &panel.series);
     let points = series().flat_map(|series| &series.points).filter(|(x, y)| !x.is_nan() && !y.is_nan());
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    let mut low = f64::INFINITY;
+    let mut high = f64::NEG_INFINITY;
     for value in points.map(|point| coordinate.of(*point)) {
         low = low.min(value);
         high = high.max(value);

@@ -69,7 +69,8 @@ fn finish(runs: &mut Vec<Vec<Point>>, current: &mut Vec<Point>, dot: Option<Poin
 pub(super) fn segment(a: Point, b: Point, area: &Rect) -> Option<(Point, Point)> {
     let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
     let sides = [(-dx, a[0] - area.left), (dx, area.right - a[0]), (-dy, a[1] - area.top), (dy, area.bottom - a[1])];
-    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    let mut enter = 0.0_f64;
+    let mut leave = 1.0_f64;
     for (p, q) in sides {
         // Parallel to this side: beyond it for all t, or for none.
         if p == 0.0 {

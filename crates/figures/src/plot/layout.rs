@@ -58,7 +58,8 @@ pub(super) fn scene(figure: &Figure) -> Result<Scene, PlotError> {
 }
 
 fn drafts<'a>(figure: &'a Figure, fonts: &Fonts) -> Result<Vec<Draft<'a>>, PlotError> {
-    let (columns, count) = (figure.columns, figure.panels.len());
+    let columns = figure.columns;
+    let count = figure.panels.len();
     if count == 0 || columns == 0 {
         return Err(PlotError::NoPanels { title: figure.title.clone(), panels: count, columns });
     }
@@ -203,7 +204,8 @@ fn free_corner(draft: &Draft<'_>, plot: &Rect) -> Option<Point> {
 }
 
 fn maps(draft: &Draft<'_>, plot: &Rect) -> [AxisMap; 2] {
-    let (x, y) = (draft.x_range, draft.y_range);
+    let x = draft.x_range;
+    let y = draft.y_range;
     [
         AxisMap { scale: draft.panel.x.scale, low: x.0, high: x.1, from: plot.left, to: plot.right },
         AxisMap { scale: draft.panel.y.scale, low: y.0, high: y.1, from: plot.bottom, to: plot.top },

@@ -104,13 +104,16 @@ pub(super) fn free_corner(
     x: &AxisMap,
     y: &AxisMap,
 ) -> Option<Point> {
-    let (left, top) = (plot.left + INSET, plot.top + INSET);
-    let (right, bottom) = (plot.right - INSET - entries.width, plot.bottom - INSET - entries.size(1)[1]);
+    let left = plot.left + INSET;
+    let top = plot.top + INSET;
+    let right = plot.right - INSET - entries.width;
+    let bottom = plot.bottom - INSET - entries.size(1)[1];
     // The legend is larger than the plot.
     if right < left || bottom < top {
         return None;
     }
-    let (middle_x, middle_y) = ((left + right) / 2.0, (top + bottom) / 2.0);
+    let middle_x = (left + right) / 2.0;
+    let middle_y = (top + bottom) / 2.0;
     let corners = [[right, top], [left, top], [right, bottom], [left, bottom]];
     let sides = [[middle_x, top], [right, middle_y], [left, middle_y], [middle_x, bottom]];
     let drawn: Vec<Drawn> = panel.series.iter().map(|series| Drawn::of(series, plot, x, y)).collect();
@@ -136,7 +139,8 @@ impl Drawn {
             }
             // Tiles are an area without free corners: their marks are as large as the largest of them.
             Style::Tiles { width, height, .. } => {
-                let (wide, high) = ((x.px(width) - x.px(0.0)).abs(), (y.px(height) - y.px(0.0)).abs());
+                let wide = (x.px(width) - x.px(0.0)).abs();
+                let high = (y.px(height) - y.px(0.0)).abs();
                 Self::Markers { at: on_page(series, x, y).collect(), size: wide.max(high) }
             }
         }

@@ -303,7 +303,8 @@ impl Series {
     #[must_use]
     pub fn marked(mut self, new_size: f64, is_filled: bool) -> Self {
         if let Style::Markers { size, filled, .. } = &mut self.style {
-            (*size, *filled) = (new_size, is_filled);
+            *size = new_size;
+            *filled = is_filled;
         }
         self
     }

@@ -51,13 +51,15 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>, mut 
 /// The free area nearest to a point, of this width.
 fn free_area(at: Point, width: f64, plot: &Rect, lines: &[Vec<Point>], taken: &[Rect]) -> Rect {
     let above = |sideways: i32, up: i32| {
-        let (x, bottom) = (at[0] + f64::from(sideways) * STEP, at[1] - GAP - f64::from(up) * LINE);
+        let x = at[0] + f64::from(sideways) * STEP;
+        let bottom = at[1] - GAP - f64::from(up) * LINE;
         Rect { left: x - width / 2.0, right: x + width / 2.0, top: bottom - SIZE * CAP_HEIGHT - GAP, bottom }
     };
     let mut places: Vec<(i32, i32)> =
         (DOWN..=UP).flat_map(|up| (-SIDEWAYS..=SIDEWAYS).map(move |sideways| (sideways, up))).collect();
     let distance = |(sideways, up): &(i32, i32)| {
-        let (dx, dy) = (f64::from(*sideways) * STEP, f64::from(*up) * LINE);
+        let dx = f64::from(*sideways) * STEP;
+        let dy = f64::from(*up) * LINE;
         dx * dx + dy * dy
     };
     // The sort is stable, so places equally far keep one order, and the same figure gives the same bytes.

@@ -68,8 +68,10 @@ fn tiles(shapes: &mut Vec<Shape>, cell: &Cell<'_>, series: &Series, fill: Rgb, [
     // Row by row from the left, so that neighbours follow each other and become one rectangle.
     points.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.total_cmp(&b.0)));
     for (x, y) in points {
-        let (left, right) = (cell.x.px(x - width / 2.0), cell.x.px(x + width / 2.0));
-        let (top, bottom) = (cell.y.px(y + height / 2.0), cell.y.px(y - height / 2.0));
+        let left = cell.x.px(x - width / 2.0);
+        let right = cell.x.px(x + width / 2.0);
+        let top = cell.y.px(y + height / 2.0);
+        let bottom = cell.y.px(y - height / 2.0);
         match rows.last_mut() {
             // One rectangle for a row of tiles keeps files small, and no seams show within it.
             // Tiles of one row have equal y, so also equal positions: an exact comparison is right.

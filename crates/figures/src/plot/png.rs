@@ -118,7 +118,8 @@ fn path(runs: &[Vec<Point>], ends: Ends) -> Option<Path> {
     let mut builder = PathBuilder::new();
     for run in runs {
         for (index, [x, y]) in run.iter().enumerate() {
-            let (x, y) = (*x as f32, *y as f32);
+            let x = *x as f32;
+            let y = *y as f32;
             if index == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
         }
         if ends == Ends::Closed {

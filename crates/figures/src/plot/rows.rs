@@ -42,7 +42,8 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> V
         let height = SIZE * CAP_HEIGHT + GAP;
         // The names of the highest peaks stay inside the plot.
         let bottom = (knee - RISE).max(cell.plot.top + GAP + height);
-        let (left, right) = (centre - entry.width / 2.0, centre + entry.width / 2.0);
+        let left = centre - entry.width / 2.0;
+        let right = centre + entry.width / 2.0;
         let area = Rect { left, right, top: bottom - height, bottom };
         let line = vec![[entry.at[0], entry.at[1] - GAP], [entry.at[0], knee.min(entry.at[1])], [centre, bottom]];
         shapes.push(Shape::Lines { runs: vec![line], stroke: LEADER });
@@ -54,7 +55,8 @@ pub(super) fn draw(shapes: &mut Vec<Shape>, fonts: &Fonts, cell: &Cell<'_>) -> V
 
 /// The horizontal range for names: inside of the plot, and beside the legend.
 fn sides(cell: &Cell<'_>) -> (f64, f64) {
-    let (mut left, mut right) = (cell.plot.left + GAP, cell.plot.right - GAP);
+    let mut left = cell.plot.left + GAP;
+    let mut right = cell.plot.right - GAP;
     if let Some(legend) = cell.legend_area() {
         let middle = (cell.plot.left + cell.plot.right) / 2.0;
         if legend.left > middle {

@@ -52,7 +52,8 @@ pub(super) struct Text {
 impl Text {
     /// A black text in the regular font, from left to right.
     pub fn new(at: Point, text: impl Into<String>, size: f64, anchor: Anchor) -> Self {
-        let (weight, direction) = (Weight::Regular, Direction::Rightwards);
+        let weight = Weight::Regular;
+        let direction = Direction::Rightwards;
         Self { at, text: text.into(), size, weight, anchor, direction, color: BLACK }
     }
 }

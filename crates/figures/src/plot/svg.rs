@@ -8,7 +8,8 @@ use super::style::{Dash, Marker};
 
 /// Writes the scene as an SVG document.
 pub(super) fn document(scene: &Scene) -> String {
-    let (width, height) = (number(scene.width), number(scene.height));
+    let width = number(scene.width);
+    let height = number(scene.height);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" \
          role=\"img\" font-family=\"{FAMILY}\">\n<title>{}</title>\n",
@@ -56,13 +57,16 @@ fn text_element(text: &Text) -> String {
         Direction::Rightwards => format!("x=\"{}\" y=\"{}\"", number(x), number(y)),
         Direction::Upwards => format!("transform=\"translate({} {}) rotate(-90)\"", number(x), number(y)),
     };
-    let (size, fill, content) = (number(text.size), color(text.color), escaped(&text.text));
+    let size = number(text.size);
+    let fill = color(text.color);
+    let content = escaped(&text.text);
     format!("<text {place} font-size=\"{size}\"{weight}{anchor} fill=\"{fill}\">{content}</text>")
 }
 
 /// Returns the attributes of a pen. Ends are round, so that a dot is visible, except for dashes, which would merge.
 fn pen(stroke: &Stroke) -> String {
-    let (line, width) = (color(stroke.color), number(stroke.width));
+    let line = color(stroke.color);
+    let width = number(stroke.width);
     if stroke.dash == Dash::Solid {
         return format!(
             "stroke=\"{line}\" stroke-width=\"{width}\" stroke-linecap=\"round\" stroke-linejoin=\"round\""
@@ -101,7 +105,9 @@ fn marker(shape: Marker, [x, y]: Point, radius: f64) -> String {
         shape.corners().iter().map(|corner| [x + radius * corner[0], y + radius * corner[1]]).collect();
     match shape {
         Marker::Circle => {
-            let (r, left, y) = (number(radius), number(x - radius), number(y));
+            let r = number(radius);
+            let left = number(x - radius);
+            let y = number(y);
             let diameter = number(2.0 * radius);
             // Two half circles: an arc from a point to itself is not drawn.
             format!("M{left} {y}a{r} {r} 0 1 0 {diameter} 0a{r} {r} 0 1 0-{diameter} 0z")
@@ -127,7 +133,8 @@ fn hundredths(value: f64) -> i64 {
 /// Formats a number of hundredths without trailing zeros.
 fn decimal(hundredths: i64) -> String {
     let sign = if hundredths < 0 { "-" } else { "" };
-    let (whole, part) = (hundredths.unsigned_abs() / 100, hundredths.unsigned_abs() % 100);
+    let whole = hundredths.unsigned_abs() / 100;
+    let part = hundredths.unsigned_abs() % 100;
     match (whole, part) {
         (_, 0) => format!("{sign}{whole}"),
         // SVG needs no zero before the point, which makes long paths shorter.

@@ -86,7 +86,8 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
     let size = step.mantissa as f64 * power_of_ten(step.exponent);
     let inside = |n: i64| n as f64 * size;
     // A tick at the very end of the axis counts, though its quotient may be a rounding error off.
-    let (first, last) = (libm::ceil(axis.low / size - 1e-9) as i64, libm::floor(axis.high / size + 1e-9) as i64);
+    let first = libm::ceil(axis.low / size - 1e-9) as i64;
+    let last = libm::floor(axis.high / size + 1e-9) as i64;
     let largest = axis.low.abs().max(axis.high.abs());
     let magnitude = libm::floor(libm::log10(largest)) as i32;
     // The common power: a multiple of three, used if plain numbers would be long.
@@ -114,7 +115,8 @@ fn linear_ticks_at(axis: &AxisMap, step: Step) -> Ticks {
 /// many as fit.
 fn log_ticks(axis: &AxisMap, room: &dyn Fn(&str) -> f64) -> Ticks {
     let decades = libm::log10(axis.high / axis.low);
-    let (first, last) = (libm::floor(libm::log10(axis.low)) as i32, libm::ceil(libm::log10(axis.high)) as i32);
+    let first = libm::floor(libm::log10(axis.low)) as i32;
+    let last = libm::ceil(libm::log10(axis.high)) as i32;
     let inside = |value: &f64| (axis.low * (1.0 - 1e-9)..=axis.high * (1.0 + 1e-9)).contains(value);
     // From 0.001 to 10000 plain numbers are short enough; beyond, powers are shorter.
     let plain = first >= -3 && last <= 4;

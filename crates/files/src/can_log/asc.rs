@@ -50,13 +50,15 @@ impl<W: Write> LogWriter for Writer<W> {
             Id::Extended(id) => format!("{id:X}x"),
         };
         let data: String = frame.data().iter().map(|byte| format!(" {byte:02X}")).collect();
-        let (dlc, length) = (dlc(frame), frame.len());
+        let dlc = dlc(frame);
+        let length = frame.len();
         write!(self.out, "{:4}.{:06} ", microseconds / 1_000_000, microseconds % 1_000_000)?;
         match frame.format() {
             FrameFormat::Classic => writeln!(self.out, "1  {id:<15} {direction:<4} d {dlc:x}{data}"),
             FrameFormat::Remote => writeln!(self.out, "1  {id:<15} {direction:<4} r {dlc:x}"),
             FrameFormat::Fd { bit_rate_switch, error_state_indicator } => {
-                let (brs, esi) = (u32::from(bit_rate_switch), u32::from(error_state_indicator));
+                let brs = u32::from(bit_rate_switch);
+                let esi = u32::from(error_state_indicator);
                 let flags = flags(frame.format());
                 // After the data: duration, bits, flags, CRC and bit timings, of which only the flags are known.
                 writeln!(

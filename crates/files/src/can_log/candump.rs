@@ -41,7 +41,8 @@ impl<W: Write> Writer<W> {
 
 impl<W: Write> LogWriter for Writer<W> {
     fn write(&mut self, logged: &LoggedFrame) -> io::Result<()> {
-        let (second, microsecond) = (logged.time_ns / 1_000_000_000, logged.time_ns % 1_000_000_000 / 1000);
+        let second = logged.time_ns / 1_000_000_000;
+        let microsecond = logged.time_ns % 1_000_000_000 / 1000;
         let direction = match logged.direction {
             Some(Direction::Received) => " R",
             Some(Direction::Sent) => " T",
@@ -92,7 +93,8 @@ impl fmt::Display for ErrorFrame {
             // Bits that have no name here remain in `rest`, and are reported as a number.
             if rest & class != 0 {
                 write!(f, "{separator}{name}")?;
-                (separator, rest) = (", ", rest & !class);
+                separator = ", ";
+                rest &= !class;
             }
         }
         if rest != 0 || separator.is_empty() { write!(f, "{separator}class {rest:#x}") } else { Ok(()) }

@@ -106,7 +106,9 @@ impl LoggedFrames {
 
 impl Lines {
     fn open(path: &Path, syntax: Syntax) -> Result<Lines, CanLogError> {
-        let (file, path, bytes) = (open(path)?, path.to_path_buf(), Vec::new());
+        let file = open(path)?;
+        let path = path.to_path_buf();
+        let bytes = Vec::new();
         Ok(Lines { path, file, bytes, number: 0, syntax, has_ended: false })
     }
 
@@ -118,7 +120,8 @@ impl Lines {
             let read = read.map_err(|source| CanLogError::Read { path: self.path.clone(), source })?;
             self.number += u64::from(read > 0);
             let failed = |source| {
-                let (path, line) = (self.path.clone(), self.number);
+                let path = self.path.clone();
+                let line = self.number;
                 CanLogError::Line { path, line, source: Box::new(source) }
             };
             if read == 0 {

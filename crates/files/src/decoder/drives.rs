@@ -239,14 +239,16 @@ impl Drive {
     }
 
     fn meaning(&self, index: u16, number: f64) -> Option<Meaning> {
-        let (spec, joint) = (&self.spec, self.spec.joint);
+        let spec = &self.spec;
+        let joint = self.spec.joint;
         let quantity = |name, value, unit| Some(Meaning::Quantity { name, value, unit });
         match index {
             0x6064 => quantity(joint_channel_name(joint, false), number / spec.counts_per_rad(), "rad"),
             0x606C => quantity(joint_channel_name(joint, true), number / spec.counts_per_rad(), "rad/s"),
             0x6077 => quantity(LOADS[joint].name, number * spec.torque_step_nm(), "N·m"),
             0x6071 => {
-                let (name, value) = (LOAD_NAMES[joint], number * spec.torque_step_nm());
+                let name = LOAD_NAMES[joint];
+                let value = number * spec.torque_step_nm();
                 Some(Meaning::Load { name, value, unit: "N·m" })
             }
             _ => None,

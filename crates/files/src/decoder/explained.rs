@@ -104,7 +104,8 @@ pub(super) fn message(
             (Some(roles), Some(value)) => roles.meanings(signal.name(), value, is_taken),
             _ => Vec::new(),
         };
-        let (name, unit) = (signal.name().to_string(), signal.unit().to_string());
+        let name = signal.name().to_string();
+        let unit = signal.unit().to_string();
         // Beyond 53 bits the `f64` is rounded; the exact integer is stated beside it.
         let is_large = value.is_some() && signal.wire().check_exact().is_err();
         let large = if is_large { signal.raw(payload) } else { None };

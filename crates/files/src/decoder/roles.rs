@@ -153,7 +153,8 @@ impl Role {
                 request.chain(required).collect()
             }
             Role::Quantity { channel, scale, offset } => {
-                let (name, unit) = (channel.name, channel.quantity.unit());
+                let name = channel.name;
+                let unit = channel.quantity.unit();
                 // The inverse of what the plant does: it sends scale · quantity + offset.
                 vec![Meaning::Quantity { name, value: (value - *offset) / *scale, unit }]
             }

@@ -49,6 +49,7 @@ pub(super) fn span(
     let records = recording.summary().topics.get(part.topic().name()).map_or(0, |topic| topic.records);
     let Some(first) = first else { return Ok((*wanted.start(), 0)) };
     // They are without a gap, and the last may have the largest of all numbers.
-    let (from, last) = ((*wanted.start()).max(first), (*wanted.end()).min(first + (records - 1)));
+    let from = (*wanted.start()).max(first);
+    let last = (*wanted.end()).min(first + (records - 1));
     Ok((from, last.checked_sub(from).map_or(0, |behind| behind + 1)))
 }

@@ -69,7 +69,8 @@ pub(super) fn write(
 
 impl Table {
     fn create(path: PathBuf, channels: &Channels, part: RecordingPart) -> Result<Table, ExportError> {
-        let (columns, failed) = (columns(channels, part), |source| ExportError::Write { path: path.clone(), source });
+        let columns = columns(channels, part);
+        let failed = |source| ExportError::Write { path: path.clone(), source };
         let (staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
         let mut out = BufWriter::new(file);
         writeln!(out, "{}", columns.join(",")).map_err(failed)?;
@@ -102,7 +103,8 @@ struct Row<'a> {
 
 impl Display for Row<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (record, sample) = (self.record, self.record.sample());
+        let record = self.record;
+        let sample = self.record.sample();
         let time_s = (sample as f64 - lead(record.topic(), self.origin)) * self.origin.dt_s;
         match record {
             Record::State(record) => {
@@ -146,7 +148,8 @@ fn frame(f: &mut fmt::Formatter<'_>, record: &FrameRecord) -> fmt::Result {
         }
     }
     .map(u8::from);
-    let (time_s, bus_unix_ns) = (Seconds(*time_ns), bus_timestamp_ns.map_or(String::new(), |ns| ns.to_string()));
+    let time_s = Seconds(*time_ns);
+    let bus_unix_ns = bus_timestamp_ns.map_or(String::new(), |ns| ns.to_string());
     write!(f, "{sample},{time_s},{bus_unix_ns},{direction},{},{is_extended},", frame.id().raw())?;
     write!(f, "{remote},{fd},{brs},{esi},{},", frame.len())?;
     frame.data().iter().try_for_each(|byte| write!(f, "{byte:02X}"))

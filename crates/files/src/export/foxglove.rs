@@ -129,7 +129,8 @@ fn add_topic(
 
 /// Returns the fields of `foxglove.Log` that its documentation requires.
 fn log_schema() -> Value {
-    let (integer, text) = (json!({ "type": "integer" }), json!({ "type": "string" }));
+    let integer = json!({ "type": "integer" });
+    let text = json!({ "type": "string" });
     json!({
         "title": "foxglove.Log",
         "type": "object",
@@ -145,7 +146,8 @@ fn message(recording: &Recording, record: &Record<String>) -> Option<(RecordingP
     let origin = recording.origin();
     let row = |part: RecordingPart| {
         let sample = record.sample();
-        let (channels, values) = (recording.channels().of(part.topic()), record.values());
+        let channels = recording.channels().of(part.topic());
+        let values = record.values();
         let fields = channels.iter().zip(&*values).map(|(channel, value)| (channel.name.to_string(), json!(value)));
         let mut fields: Map<String, Value> = fields.collect();
         fields.insert(String::from("sample"), json!(sample));
@@ -198,7 +200,9 @@ fn attach(recording: &Recording, writer: &mut Writer<BufWriter<File>>) -> Result
     ];
     for (name, media_type, text) in files {
         let Some(text) = text else { continue };
-        let (name, media_type, data) = (name.to_owned(), media_type.to_owned(), Cow::Borrowed(text.as_bytes()));
+        let name = name.to_owned();
+        let media_type = media_type.to_owned();
+        let data = Cow::Borrowed(text.as_bytes());
         writer.attach(&Attachment { log_time: 0, create_time: 0, name, media_type, data })?;
     }
     Ok(())

@@ -70,7 +70,8 @@ pub fn samples(
     if is_negative || from > to || from > last || to < first {
         // As it is written in decimals: to the nanosecond.
         let [first_s, last_s] = [first, last].map(|sample| libm::round(sample as f64 * dt_s * 1e9) / 1e9);
-        let (from_s, to_s) = (from_s.unwrap_or(first_s), to_s.unwrap_or(last_s));
+        let from_s = from_s.unwrap_or(first_s);
+        let to_s = to_s.unwrap_or(last_s);
         return Err(ExportError::Interval { from_s, to_s, first_s, last_s });
     }
     Ok(from..=to)

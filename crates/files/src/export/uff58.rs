@@ -62,7 +62,8 @@ pub(super) fn write(
     let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(failed)?;
     let mut out = BufWriter::new(file);
     units(&mut out).map_err(failed)?;
-    let (mut rows, mut columns) = (0, Vec::new());
+    let mut rows = 0;
+    let mut columns = Vec::new();
     for part in parts {
         let (first, count) = span(recording, part, &selection.samples)?;
         for (index, channel) in recording.channels().of(part.topic()).iter().enumerate() {
@@ -100,10 +101,12 @@ fn head(out: &mut impl Write, recording: &Recording, channel: &Channel, abscissa
     // What it is, where it comes from, and three lines without use.
     writeln!(out, "{:80}\n{file:80}\n{:80}\n{:80}\n{:80}", channel.name, "NONE", "NONE", "NONE")?;
     // A response in time at a node, which has no reference.
-    let (node, direction) = (channel.point.node(), direction(channel.axis));
+    let node = channel.point.node();
+    let direction = direction(channel.axis);
     writeln!(out, "{:5}{:10}{:5}{:10} {:10}{node:10}{direction:4} {:10}{:10}{:4}", 1, 0, 0, 0, "NONE", "NONE", 0, 0)?;
     // Real numbers of double precision at even distances.
-    let (start, step) = (e13(abscissa.start_s), e13(abscissa.dt_s));
+    let start = e13(abscissa.start_s);
+    let step = e13(abscissa.dt_s);
     writeln!(out, "{:10}{:10}{:10}{start}{step}{}", 4, abscissa.count, 1, e13(0.0))?;
     axis(out, TIME, [0; 3], "Time", "s")?;
     axis(out, kind, [length, force, temperature], label, unit)?;

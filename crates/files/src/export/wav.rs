@@ -32,7 +32,8 @@ pub(super) fn write(
     if rows * channels.len() as u64 * VALUE + HEADS > u64::from(u32::MAX) {
         return Err(ExportError::Long { rows, channels: channels.len() });
     }
-    let (bits_per_sample, sample_format) = (32, SampleFormat::Float);
+    let bits_per_sample = 32;
+    let sample_format = SampleFormat::Float;
     let spec = WavSpec { channels: channels.len() as u16, sample_rate, bits_per_sample, sample_format };
     let failed = |error| failed(&path, error);
     let (mut staged, file) = Staged::create(&path, Existing::Overwrite).map_err(|error| failed(error.into()))?;

@@ -135,7 +135,8 @@ impl FrameIndex {
 
 /// Returns the number that is `difference` modulo `modulus` and nearest to `expected`.
 fn nearest(difference: u64, modulus: u64, expected: f64) -> i64 {
-    let (difference, modulus) = (difference as f64, modulus as f64);
+    let difference = difference as f64;
+    let modulus = modulus as f64;
     // difference + k·modulus for the whole k that is nearest to (expected − difference)/modulus.
     (difference + modulus * libm::rint((expected - difference) / modulus)) as i64
 }

@@ -139,7 +139,9 @@ impl Gatherer {
         if self.last.is_none_or(|last| sample >= last.sample) {
             self.last = reader.index.last;
         }
-        let (payload, message, signals) = (frame.data(), place as u32, &reader.message.signals);
+        let payload = frame.data();
+        let message = place as u32;
+        let signals = &reader.message.signals;
         if let Some(rows) = self.readings.as_mut().filter(|rows| rows.needs(message)) {
             rows.add(sample, message, |row| signals.iter().for_each(|signal| write_reading(signal, payload, row)));
         }
@@ -246,7 +248,8 @@ fn rows(
     };
     // A message without a bit of its own is not marked: more messages than bits are refused below.
     let bit = |order: usize| 1_u64.checked_shl(order as u32).unwrap_or(0);
-    let (mut needed, mut missing) = (0, Vec::new());
+    let mut needed = 0;
+    let mut missing = Vec::new();
     for (place, channel) in channels.iter().enumerate() {
         match readers.iter().position(|reader| carries(&reader.message, value(place))) {
             Some(order) => needed |= bit(order),

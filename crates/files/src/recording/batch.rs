@@ -40,7 +40,8 @@ pub trait Batch: prost::Message {
     /// Returns the samples of the first row and of the last, if it has a row. The error describes columns of different
     /// lengths, an unknown mark, or samples that run out of range.
     fn samples(&self) -> Result<Option<(u64, u64)>, String> {
-        let (columns, first) = (self.columns(), self.first_sample());
+        let columns = self.columns();
+        let first = self.first_sample();
         let length = columns.iter().copied().max().unwrap_or(0);
         let Some(further) = length.checked_sub(1) else { return Ok(None) };
         // Of columns with different lengths nobody knows which numbers belong together, so no row of such a batch is

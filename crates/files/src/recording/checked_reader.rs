@@ -109,7 +109,8 @@ impl CheckedReader {
     /// Returns the next record; `None` at the end of a whole file. After an error it must not be called again.
     pub fn next(&mut self) -> Result<Option<TopLevelRecord>, RecordingError> {
         self.next_top_level().map_err(|fault| {
-            let (path, offset) = (self.path.clone(), self.offset);
+            let path = self.path.clone();
+            let offset = self.offset;
             match fault {
                 Fault::Truncated => RecordingError::Truncated { path, offset, file_bytes: self.file_bytes },
                 Fault::Damaged(cause) => self.damaged(offset, cause),
@@ -262,7 +263,8 @@ impl FileLayout {
             }
         }
         if self.indexed_chunks != 0 && self.indexed_chunks != self.chunks {
-            let (indexed, chunks) = (self.indexed_chunks, self.chunks);
+            let indexed = self.indexed_chunks;
+            let chunks = self.chunks;
             return Err(format!("the index names {indexed} chunks, of which the file has {chunks}"));
         }
         Ok(())

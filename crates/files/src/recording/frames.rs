@@ -201,7 +201,8 @@ fn frame(id: u32, flags: u32, length: u32, payload: &[u8; LONGEST_DATA]) -> Resu
         (false, Ok(id)) => Id::Standard(id),
         (false, Err(_)) => return Err(format!("a standard frame with identifier {id:#x}")),
     };
-    let (bit_rate_switch, error_state_indicator) = (is(flag::BIT_RATE_SWITCH), is(flag::ERROR_STATE));
+    let bit_rate_switch = is(flag::BIT_RATE_SWITCH);
+    let error_state_indicator = is(flag::ERROR_STATE);
     let format = match (is(flag::FD), is(flag::REMOTE), bit_rate_switch || error_state_indicator) {
         (true, false, _) => FrameFormat::Fd { bit_rate_switch, error_state_indicator },
         (false, true, false) => FrameFormat::Remote,

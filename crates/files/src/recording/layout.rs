@@ -119,7 +119,8 @@ fn schema(topic: Topic, channels: &Channels) -> Vec<u8> {
     let (package, name) = name.rsplit_once('.').unwrap_or(("", name));
     let messages = vec![Type { name: name.to_owned(), fields }];
     let file = format!("{}.proto", name.to_lowercase());
-    let (package, syntax) = (package.to_owned(), String::from("proto3"));
+    let package = package.to_owned();
+    let syntax = String::from("proto3");
     FileSet { files: vec![File { name: file, package, messages, syntax }] }.encode_to_vec()
 }
 
@@ -202,7 +203,8 @@ impl Layout {
             Topic::States => (known_states(), "last_row_is_end", (OPTIONAL, BOOL)),
             _ => (readings(found)?, "clipped", (REPEATED, UINT32)),
         };
-        let (mut mark, mut places) = (None, vec![None; known.len()]);
+        let mut mark = None;
+        let mut places = vec![None; known.len()];
         let mut numbers = Vec::new();
         for Field { name, number, label, kind } in found {
             let number = u32::try_from(*number).map_err(|_| ChannelsError::Type { name: name.clone() })?;
@@ -324,7 +326,8 @@ impl Message for Plot {
     }
 
     fn clear(&mut self) {
-        (self.sample, self.clipped) = (0, 0);
+        self.sample = 0;
+        self.clipped = 0;
         self.numbers.clear();
     }
 }

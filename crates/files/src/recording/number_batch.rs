@@ -78,7 +78,8 @@ impl Numbers for SampleRecord {
         let more = layout.fields.len().checked_sub(READINGS.len()).filter(|more| *more <= MOST_MORE)?;
         let [acceleration_b_m_s2, acceleration_c_m_s2, head_force_n] =
             [0, 2, 4].map(|place| [number(place), number(place + 1)]);
-        let (clipped, mut values) = (Clipped::from_bits(mark), [0.0; MOST_MORE]);
+        let clipped = Clipped::from_bits(mark);
+        let mut values = [0.0; MOST_MORE];
         let values = &mut values[..more];
         values.iter_mut().zip(READINGS.len()..).for_each(|(value, place)| *value = number(place));
         let more = Readings::new(values, mark >> Clipped::COUNT)?;
@@ -163,7 +164,9 @@ impl<R: Numbers> Message for NumberBatch<R> {
     }
 
     fn clear(&mut self) {
-        (self.first_sample, self.dt_s, self.ends) = (0, 0.0, false);
+        self.first_sample = 0;
+        self.dt_s = 0.0;
+        self.ends = false;
         self.clipped.clear();
         self.columns.iter_mut().for_each(Vec::clear);
     }
@@ -175,7 +178,8 @@ impl<R: Numbers> Batch for NumberBatch<R> {
 
     fn begin(&mut self, first_sample: u64, dt_s: f64) {
         self.clear();
-        (self.first_sample, self.dt_s) = (first_sample, dt_s);
+        self.first_sample = first_sample;
+        self.dt_s = dt_s;
     }
 
     fn first_sample(&self) -> u64 {
@@ -209,7 +213,8 @@ impl<R: Numbers> Batch for NumberBatch<R> {
     }
 
     fn row(&self, index: usize) -> Option<R> {
-        let (columns, sample) = (&self.columns, self.first_sample.checked_add(index as u64)?);
+        let columns = &self.columns;
+        let sample = self.first_sample.checked_add(index as u64)?;
         columns.iter().all(|column| index < column.len()).then_some(())?;
         let mark = match Self::IS_STATES {
             true => u32::from(self.ends && index + 1 == columns[0].len()),

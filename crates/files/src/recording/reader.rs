@@ -53,7 +53,9 @@ impl Recording {
         // By bits: every batch and the metadata state the same number, so a difference is a damage or a file of two
         // runs.
         if scan.tally.dt_s.is_some_and(|dt_s| dt_s.to_bits() != origin.dt_s.to_bits()) {
-            let (path, name, key) = (path.to_path_buf(), metadata::RECORDING, String::from(DT_S));
+            let path = path.to_path_buf();
+            let name = metadata::RECORDING;
+            let key = String::from(DT_S);
             let expected = "what its batches state";
             return Err(RecordingError::Metadata { path, name, key, got: short(&origin.dt_s).to_string(), expected });
         }
@@ -205,7 +207,8 @@ impl Recording {
     fn continuous<T>(&self, topics: &'static [Topic; 1], decode: Decode<T>) -> Result<Records<T>, RecordingError> {
         let [topic] = *topics;
         let found = &self.scan.tally.topics[topic as usize];
-        let (path, topic) = (self.path.clone(), topic.name());
+        let path = self.path.clone();
+        let topic = topic.name();
         // A run killed before its first chunk has no topics at all, and nothing in them.
         if !found.declared && self.scan.tally.topics.iter().any(|topic| topic.declared) {
             return Err(RecordingError::MissingTopic { path, topic });

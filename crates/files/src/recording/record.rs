@@ -147,7 +147,9 @@ impl Clipped {
 
     /// Returns the marks one by one: of B, of C, of the head, x before y.
     pub(crate) fn marks(self) -> [bool; 6] {
-        let ([b_x, b_y], [c_x, c_y], [x, y]) = (self.acceleration_b, self.acceleration_c, self.head_force);
+        let [b_x, b_y] = self.acceleration_b;
+        let [c_x, c_y] = self.acceleration_c;
+        let [x, y] = self.head_force;
         [b_x, b_y, c_x, c_y, x, y]
     }
 

@@ -82,7 +82,9 @@ impl Recorder {
     /// [`RecordingError::Option`] if `capacity` is 0; the failure of the recorder, if it has failed.
     pub fn channel(&self, name: &str, capacity: usize) -> Result<Channel, RecordingError> {
         if capacity == 0 {
-            let (option, got, expected) = ("capacity", String::from("0"), "at least 1 record");
+            let option = "capacity";
+            let got = String::from("0");
+            let expected = "at least 1 record";
             return Err(RecordingError::Option { option, got, expected });
         }
         // A ring shorter than the longest record could never take that record, and would wait for ever.

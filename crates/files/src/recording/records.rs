@@ -63,7 +63,8 @@ impl<T> Records<T> {
                 Ok(false) => break,
                 Err(error) => {
                     // Neither another message nor another chunk is found from here on.
-                    (self.readable_bytes, self.next) = (0, usize::MAX);
+                    self.readable_bytes = 0;
+                    self.next = usize::MAX;
                     self.queue.clear();
                     return Err(error);
                 }

@@ -55,7 +55,8 @@ pub fn recover(
     output: impl AsRef<Path>,
     existing: Existing,
 ) -> Result<Recovered, RecordingError> {
-    let (input, output) = (input.as_ref(), output.as_ref());
+    let input = input.as_ref();
+    let output = output.as_ref();
     // A scan ends at the first damage. The survey goes on behind it, since metadata from the end of the run may still
     // be whole.
     let mut scan = scan(input)?;
@@ -89,7 +90,8 @@ pub fn recover(
     let messages = messages(&sink);
     let bytes = sink.finish()?.bytes;
     staged.publish().map_err(|error| RecordingError::publish(output, error))?;
-    let (lost_chunks, missing_samples) = (copied.lost, copied.missing);
+    let lost_chunks = copied.lost;
+    let missing_samples = copied.missing;
     Ok(Recovered { path: output.to_path_buf(), bytes, messages, source: scan.integrity, lost_chunks, missing_samples })
 }
 
@@ -103,7 +105,8 @@ fn fill(sink: &mut Sink, salvage: Salvage, input: &Path, scan: &Scan) -> Result<
     let expected = Tally { dt_s: scan.tally.dt_s, ..Tally::default() };
     let copied = copy(salvage, expected, sink)?;
     if messages(sink) == 0 {
-        let (path, integrity) = (input.to_path_buf(), scan.integrity.clone());
+        let path = input.to_path_buf();
+        let integrity = scan.integrity.clone();
         return Err(RecordingError::NothingRecovered { path, integrity });
     }
     Ok(copied)
@@ -144,7 +147,8 @@ struct Copied {
 
 /// Copies the messages of every chunk that is whole.
 fn copy(mut salvage: Salvage, mut tally: Tally, sink: &mut Sink) -> Result<Copied, RecordingError> {
-    let (mut lost, mut missing) = (Vec::new(), Vec::new());
+    let mut lost = Vec::new();
+    let mut missing = Vec::new();
     while let Some(piece) = salvage.next()? {
         match piece {
             Piece::Chunk { offset, bytes } => match tally.clone().with(&salvage.contents) {
@@ -167,7 +171,8 @@ fn copy(mut salvage: Salvage, mut tally: Tally, sink: &mut Sink) -> Result<Copie
 /// Returns the states that are missing between a chunk and those before it.
 fn between(before: &Tally, with: &Tally) -> Option<MissingSamples> {
     let [before, with] = [before, with].map(|tally| &tally.topics[Topic::States as usize]);
-    let (expected, first) = (before.expected?, with.first_of_chunk?);
+    let expected = before.expected?;
+    let first = with.first_of_chunk?;
     (first > expected).then(|| MissingSamples { first: expected, last: first - 1 })
 }
 

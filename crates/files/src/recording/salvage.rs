@@ -74,8 +74,10 @@ impl Salvage {
         let file = checked_reader::open(path)?;
         let failed = |source| RecordingError::Open { path: path.to_path_buf(), source: Arc::new(source) };
         let file_bytes = file.metadata().map_err(failed)?.len();
-        let (contents, body) = (Contents::default(), Vec::new());
-        let (path, offset) = (path.to_path_buf(), MAGIC.len() as u64);
+        let contents = Contents::default();
+        let body = Vec::new();
+        let path = path.to_path_buf();
+        let offset = MAGIC.len() as u64;
         Ok(Salvage { path, file, file_bytes, offset, contents, body, takes_bare_messages })
     }
 
@@ -225,7 +227,8 @@ impl Salvage {
         self.file.read_exact_at(&mut times, offset + RECORD_HEAD)?;
         let (first, last) = times.split_at(8);
         let time = |bytes: &[u8]| bytes.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b));
-        let (first, last) = (time(first), time(last));
+        let first = time(first);
+        let last = time(last);
         Ok((opcode == [op::CHUNK] && first <= last).then_some((first, last)))
     }
 }

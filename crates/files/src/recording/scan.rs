@@ -354,7 +354,8 @@ impl Tally {
         if got_s.to_bits() == expected_s.to_bits() {
             return Ok(());
         }
-        let (got_s, expected_s) = (short(&got_s), short(&expected_s));
+        let got_s = short(&got_s);
+        let expected_s = short(&expected_s);
         Err(format!("a batch states the sample period {got_s} s, expected {expected_s} s"))
     }
 

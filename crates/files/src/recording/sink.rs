@@ -119,7 +119,8 @@ impl Sink {
         buffer.clear();
         let written = match message.encode(&mut buffer) {
             Ok(()) => {
-                let (log_time_ns, publish_time_ns) = (stamp.log_ns, stamp.publish_ns);
+                let log_time_ns = stamp.log_ns;
+                let publish_time_ns = stamp.publish_ns;
                 // `raw` gives it its number.
                 let sequence = 0;
                 self.raw(RawMessage { topic, layout: None, sequence, log_time_ns, publish_time_ns, bytes: &buffer })

@@ -112,7 +112,8 @@ impl Fmi2 {
             environment,
         });
         let resources = uri(spec.resources);
-        let (name, token) = (c"structure".as_ptr(), spec.token.as_ptr());
+        let name = c"structure".as_ptr();
+        let token = spec.token.as_ptr();
         // SAFETY: texts, and functions that live as long as the instance.
         let pointer =
             unsafe { instantiate(name, CO_SIMULATION, token, resources.as_ptr(), &raw const *callbacks, FALSE, FALSE) };
@@ -163,7 +164,8 @@ impl Fmi for Fmi2 {
         if status != DISCARD {
             return StepOutcome { called, terminates: false, reached_s: None };
         }
-        let (mut reached_s, mut terminated) = (f64::NAN, FALSE);
+        let mut reached_s = f64::NAN;
+        let mut terminated = FALSE;
         // SAFETY: an instance, and variables to write to.
         let (time, end) = unsafe {
             (

@@ -83,14 +83,16 @@ impl Fmi3 {
 
 impl Fmi for Fmi3 {
     fn set(&mut self, references: &[u32], values: &[f64]) -> Called {
-        let (names, count) = (references.as_ptr(), references.len());
+        let names = references.as_ptr();
+        let count = references.len();
         // SAFETY: an instance, and arrays of the stated lengths.
         let status = unsafe { (self.set)(self.handle.pointer, names, count, values.as_ptr(), values.len()) };
         self.handle.called("fmi3SetFloat64", status)
     }
 
     fn get(&mut self, references: &[u32], values: &mut [f64]) -> Called {
-        let (names, count) = (references.as_ptr(), references.len());
+        let names = references.as_ptr();
+        let count = references.len();
         // SAFETY: as above.
         let status = unsafe { (self.get)(self.handle.pointer, names, count, values.as_mut_ptr(), values.len()) };
         self.handle.called("fmi3GetFloat64", status)
@@ -109,7 +111,10 @@ impl Fmi for Fmi3 {
     }
 
     fn step(&mut self, from_s: f64, step_s: f64) -> StepOutcome {
-        let (mut event, mut terminates, mut early, mut reached_s) = (false, false, false, f64::NAN);
+        let mut event = false;
+        let mut terminates = false;
+        let mut early = false;
+        let mut reached_s = f64::NAN;
         let pointer = self.handle.pointer;
         // SAFETY: an instance, and four variables to write to.
         let status = unsafe {

@@ -184,11 +184,14 @@ pub(super) fn parameters(
             .map_or_else(|| find(description, key, name).map(|(variable, _)| variable), Ok)?;
         check_type(description, key, name, variable)?;
         if !variable.is_exact {
-            let (key, name, got) = (key.to_owned(), name.clone(), variable.causality.clone());
+            let key = key.to_owned();
+            let name = name.clone();
+            let got = variable.causality.clone();
             let expected = "parameter, or have a start value (initial = exact)";
             return Err(ImportError::Causality { key, name, got, expected });
         }
-        let (numbers, expected) = (numbers.as_slice(), variable.elements.unwrap_or(1));
+        let numbers = numbers.as_slice();
+        let expected = variable.elements.unwrap_or(1);
         if numbers.len() != expected {
             return Err(ImportError::Length { name: name.clone(), got: numbers.len(), expected });
         }

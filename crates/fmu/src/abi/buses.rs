@@ -24,7 +24,8 @@ pub unsafe extern "C" fn fmi3GetBinary(
             let references = slice("valueReferences", references, count)?;
             for ((reference, size), value) in references.iter().zip(sizes).zip(values) {
                 let bytes = handle.instance.binary(*reference)?;
-                (*size, *value) = (bytes.len(), bytes.as_ptr());
+                *size = bytes.len();
+                *value = bytes.as_ptr();
             }
             Ok(())
         })

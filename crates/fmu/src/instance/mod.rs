@@ -115,7 +115,9 @@ impl Instance {
         if !start_s.is_finite() {
             return Err(WrongCall::StartTime { got_s: start_s }.into());
         }
-        (self.start_s, self.time_s, self.state) = (start_s, start_s, State::Initialization);
+        self.start_s = start_s;
+        self.time_s = start_s;
+        self.state = State::Initialization;
         Ok(())
     }
 
@@ -188,7 +190,9 @@ impl Instance {
         let ended = self.model.take().map_or(Ok(()), |mut model| model.end());
         self.state = State::Instantiated;
         self.parameters = Parameters::of(&self.content.scenario);
-        (self.inputs, self.start_s, self.time_s) = (Inputs::default(), 0.0, 0.0);
+        self.inputs = Inputs::default();
+        self.start_s = 0.0;
+        self.time_s = 0.0;
         ended
     }
 
@@ -211,7 +215,8 @@ impl Instance {
         if length_s > 0.0 && to_s <= from_s {
             return Err(WrongCall::StepTooSmall { got_s: length_s, at_s: from_s }.into());
         }
-        let (span, inputs) = (Span { from_s: from_s - self.start_s, to_s: to_s - self.start_s }, self.inputs);
+        let span = Span { from_s: from_s - self.start_s, to_s: to_s - self.start_s };
+        let inputs = self.inputs;
         let event = self.model()?.step(span, &inputs)?;
         self.time_s = to_s;
         Ok(event)
@@ -254,7 +259,10 @@ impl Instance {
             self.parameters = saved.parameters.clone();
         }
         self.model()?.restore(&saved.model)?;
-        (self.state, self.start_s, self.time_s, self.inputs) = (saved.state, saved.start_s, saved.time_s, saved.inputs);
+        self.state = saved.state;
+        self.start_s = saved.start_s;
+        self.time_s = saved.time_s;
+        self.inputs = saved.inputs;
         Ok(())
     }
 

@@ -76,7 +76,8 @@ pub(crate) fn read(
     let head_force_n = [rest.reading()?, rest.reading()?];
     let acceleration_b_m_s2 = [rest.reading()?, rest.reading()?];
     let acceleration_c_m_s2 = [rest.reading()?, rest.reading()?];
-    let (others, clipped) = (rest.length()?, u32::from_le_bytes(rest.take()?));
+    let others = rest.length()?;
+    let clipped = u32::from_le_bytes(rest.take()?);
     let mut more = [0.0; MOST_MORE];
     let more = more.get_mut(..others).ok_or(Fault::Saved("it has more readings than a rig can have"))?;
     for value in more.iter_mut() {

@@ -147,8 +147,10 @@ impl CrossSpectra {
     /// [`SpectraError`] if the records don't have the same channels, or the segments don't fit them.
     pub fn estimate(rate_hz: f64, records: &[Signals<'_>], segments: &Segments) -> Result<CrossSpectra, SpectraError> {
         check_records(rate_hz, records, segments)?;
-        let (inputs, outputs) = (records[0].inputs.len(), records[0].outputs.len());
-        let (length, window) = (segments.length, segments.window.values(segments.length));
+        let inputs = records[0].inputs.len();
+        let outputs = records[0].outputs.len();
+        let length = segments.length;
+        let window = segments.window.values(segments.length);
         let lines = length / 2 + 1;
         let complex = || vec![Complex::new(0.0, 0.0); lines];
         let mut between_inputs = vec![vec![complex(); inputs]; inputs];
@@ -278,7 +280,8 @@ pub(crate) fn check_finite(record: usize, samples: &[f64]) -> Result<(), Spectra
 fn check_records(rate_hz: f64, records: &[Signals<'_>], segments: &Segments) -> Result<(), SpectraError> {
     check_rate(rate_hz)?;
     let first = records.first().ok_or(SpectraError::NoRecord)?;
-    let (inputs, outputs) = (first.inputs.len(), first.outputs.len());
+    let inputs = first.inputs.len();
+    let outputs = first.outputs.len();
     for (index, record) in records.iter().enumerate() {
         let length = samples(record);
         let same = record.inputs.len() == inputs && record.outputs.len() == outputs;

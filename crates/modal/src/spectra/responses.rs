@@ -78,7 +78,8 @@ impl CrossSpectra {
     /// with several inputs. A single segment of a single input is allowed: an impact that is recorded as a whole. It has no
     /// coherence, and its deviations are not finite.
     pub fn responses(&self, estimator: Estimator) -> Result<FrequencyResponses, SpectraError> {
-        let (inputs, outputs) = (self.between_inputs.len(), self.outputs.len());
+        let inputs = self.between_inputs.len();
+        let outputs = self.outputs.len();
         if inputs == 0 || outputs == 0 {
             return Err(SpectraError::NoResponse { inputs, outputs });
         }

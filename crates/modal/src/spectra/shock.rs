@@ -67,14 +67,19 @@ fn extremes(turn_rad: f64, damping_ratio: f64, acceleration: &[f64]) -> [f64; 2]
     let damped = turn_rad * libm::sqrt(1.0 - damping_ratio * damping_ratio);
     let e = libm::exp(-damping_ratio * turn_rad);
     let (sine, cosine) = libm::sincos(damped);
-    let (c, s) = (e * cosine, e * sine / damped);
+    let c = e * cosine;
+    let s = e * sine / damped;
     let [b0, b1, b2] = [1.0 - s, 2.0 * (s - c), e * e - s];
-    let ([mut x1, mut x2], [mut y1, mut y2]) = ([0.0; 2], [0.0; 2]);
+    let [mut x1, mut x2] = [0.0; 2];
+    let [mut y1, mut y2] = [0.0; 2];
     let mut found = [0.0_f64; 2];
     for &x in acceleration {
         // The base is at rest before the record: the values before the first sample are zeros.
         let y = b0 * x + b1 * x1 + b2 * x2 + 2.0 * c * y1 - e * e * y2;
-        (x2, x1, y2, y1) = (x1, x, y1, y);
+        x2 = x1;
+        x1 = x;
+        y2 = y1;
+        y1 = y;
         found = [found[0].min(y), found[1].max(y)];
     }
     found

@@ -37,7 +37,8 @@ impl<'a> Attributes<'a> {
             words: words.collect(),
         };
         for of in &statements.attributes {
-            let (name, value) = (of.name.as_str(), &of.value);
+            let name = of.name.as_str();
+            let value = &of.value;
             match &of.of {
                 AttributeOwner::Message(id) => drop(attributes.messages.insert((*id, name), value)),
                 AttributeOwner::Signal(id, signal) => drop(attributes.signals.insert((*id, signal, name), value)),

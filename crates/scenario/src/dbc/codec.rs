@@ -85,7 +85,8 @@ impl<'a> Codec<'a> {
         // Values are written before they are checked for completeness, since which signals are present follows
         // from the switches in the payload.
         self.encode_into(values, payload)?;
-        let (message, payload) = (self.message.name(), &*payload);
+        let message = self.message.name();
+        let payload = &*payload;
         let given = self.resolve(values)?;
         for signal in self.message.writable_signals() {
             let is_in = signal.presence().is_in(payload) == Some(true);
@@ -93,7 +94,8 @@ impl<'a> Codec<'a> {
             if is_in == has_value {
                 continue;
             }
-            let (message, signal) = (message.to_string(), signal.name().to_string());
+            let message = message.to_string();
+            let signal = signal.name().to_string();
             return Err(if is_in {
                 CodecError::Missing { message, signal }
             } else {
@@ -128,7 +130,8 @@ impl<'a> Codec<'a> {
             let signal = self.message.signal(name)?;
             // Compared by place, since a signal may be given by its long name and by its symbol.
             if found.iter().any(|(other, _)| std::ptr::eq(*other, signal)) {
-                let (message, signal) = (self.message.name().to_string(), signal.name().to_string());
+                let message = self.message.name().to_string();
+                let signal = signal.name().to_string();
                 return Err(CodecError::Twice { message, signal });
             }
             found.push((signal, *value));

@@ -147,7 +147,8 @@ impl Database {
     /// [`DbcError::NoMessage`] with the nearest name, [`DbcError::Message`] if it can't be used.
     pub fn message(&self, name: &str) -> Result<&Message, DbcError> {
         let Some(found) = find(&self.messages, name) else {
-            let (origin, suggestion) = (self.origin.clone(), suggestion(&self.messages, name));
+            let origin = self.origin.clone();
+            let suggestion = suggestion(&self.messages, name);
             return Err(DbcError::NoMessage { origin, name: name.to_string(), suggestion });
         };
         found.usable().map_err(|problem| DbcError::Message {
@@ -346,7 +347,8 @@ impl Signal {
     pub fn large_integer(&self, payload: &[u8]) -> Option<i128> {
         self.wire.check_exact().err()?;
         let integer = |number: f64| (number.fract() == 0.0 && number.abs() < 9e15).then_some(number as i128);
-        let (factor, offset) = (integer(self.wire.scale())?, integer(self.wire.offset())?);
+        let factor = integer(self.wire.scale())?;
+        let offset = integer(self.wire.offset())?;
         self.raw(payload)?.checked_mul(factor)?.checked_add(offset)
     }
 }

@@ -43,7 +43,8 @@ pub(super) fn presences(
     // condition for every step. With n signals, more than n steps mean that the switches select each other in a
     // circle.
     let chain = |start: usize| {
-        let (mut at, mut conditions) = (start, Vec::new());
+        let mut at = start;
+        let mut conditions = Vec::new();
         while let Some((switch, values)) = selected[at].clone()? {
             if conditions.len() == selected.len() {
                 return Err(Problem::SwitchCircle);

@@ -84,7 +84,8 @@ impl Values<'_> {
         if let Some(value) = self.given.get(&key) {
             return Ok(*value);
         }
-        let (element, is_joint) = (self.number, self.is_joint);
+        let element = self.number;
+        let is_joint = self.is_joint;
         // A value in the unit of the other kind of place is the usual mistake. The error then names the key to
         // use, not only the missing one.
         let got = format!("{name}_{}", if is_joint { unit.0 } else { unit.1 });
@@ -151,7 +152,8 @@ impl ElementSection {
             _ => return Err(StructureSectionError::PolynomialPlace { element: number }),
         };
         if let Some(key) = self.values.keys().next() {
-            let (key, known) = (key.clone(), String::from("at, terms"));
+            let key = key.clone();
+            let known = String::from("at, terms");
             return Err(StructureSectionError::ElementKeyUnknown { element: number, key, nearest: None, known });
         }
         if self.side.is_some() {

@@ -40,7 +40,8 @@ impl StructureSection {
         if !self.is_recorded {
             return Ok(());
         }
-        let (path, sha256) = (self.file.clone().unwrap_or_default(), self.sha256.clone());
+        let path = self.file.clone().unwrap_or_default();
+        let sha256 = self.sha256.clone();
         Err(StructureSectionError::FmuNotAllowed { path, sha256 })
     }
 

@@ -233,7 +233,8 @@ impl StructureSection {
     fn preset_chain(&self) -> Result<ChainSpec, StructureSectionError> {
         let preset: Preset = self.preset.as_deref().map_or(Ok(Preset::default()), str::parse)?;
         let chain = preset.chain()?;
-        let (got, expected) = (self.angles_deg.len(), chain.links.len());
+        let got = self.angles_deg.len();
+        let expected = chain.links.len();
         if got != 0 && got != expected {
             return Err(StructureSectionError::Angles { got, expected, preset: preset.name().to_owned() });
         }
@@ -304,10 +305,13 @@ impl StructureSection {
         if let Some((key, makes, false)) = self.source() {
             return Err(StructureSectionError::NotRead { key, makes });
         }
-        let (links, modes) = (("links", !self.links.is_empty()), ("modes", !self.modes.is_empty()));
-        let (gravity, points) = (("gravity_m_s2", self.gravity_m_s2.is_some()), ("points", !self.points.is_empty()));
+        let links = ("links", !self.links.is_empty());
+        let modes = ("modes", !self.modes.is_empty());
+        let gravity = ("gravity_m_s2", self.gravity_m_s2.is_some());
+        let points = ("points", !self.points.is_empty());
         let lines = ("lines", !self.lines.is_empty());
-        let (elements, initial) = (("elements", !self.elements.is_empty()), ("initial", !self.initial.is_empty()));
+        let elements = ("elements", !self.elements.is_empty());
+        let initial = ("initial", !self.initial.is_empty());
         let set = ("set", !self.set.is_empty());
         let angles = ("angles_deg", !self.angles_deg.is_empty());
         if let (Some(preset), true) = (&self.preset, self.kind != StructureKind::Preset) {

@@ -185,7 +185,9 @@ impl ChecksumSpec {
         before: Vec<Part>,
         after: Vec<Part>,
     ) -> Result<Checksum, ChecksumError> {
-        let (width, start, xor_out) = (place.bits(), self.start.unwrap_or(0), self.xor_out.unwrap_or(0));
+        let width = place.bits();
+        let start = self.start.unwrap_or(0);
+        let xor_out = self.xor_out.unwrap_or(0);
         let sum = || Sum::new(width, start, xor_out, self.subtract);
         let algorithm = match algorithm {
             AlgorithmSpec::Crc => {
@@ -238,7 +240,8 @@ mod tests {
         let place = Layout::new(72, 8, ByteOrder::Intel, Number::Unsigned, 10).unwrap();
         let spec = spec(&format!("signal = 'Crc'\n{text}"));
         let parts = |parts: &[PartSpec]| parts.iter().map(|part| part.part(None).unwrap()).collect();
-        let (before, after) = (parts(&spec.before), parts(&spec.after));
+        let before = parts(&spec.before);
+        let after = parts(&spec.after);
         let checksum = spec.parametric(spec.algorithm.unwrap(), place, before, after).unwrap();
         checksum.compute(Id::Standard(0x102), b"123456789\0").unwrap()
     }

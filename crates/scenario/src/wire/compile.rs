@@ -343,7 +343,8 @@ impl Compiler<'_> {
             let problem = "the DBC has no cycle time for it: give `every`, `period_s` or `on`";
             return Err(WireError::Message { place: place.clone(), problem });
         };
-        let (period_s, rate_hz) = (1e-3 * cycle_ms, self.scenario.simulation.rate_hz);
+        let period_s = 1e-3 * cycle_ms;
+        let rate_hz = self.scenario.simulation.rate_hz;
         let samples = period_s * rate_hz;
         let whole = libm::round(samples);
         // A cycle of 2.5 samples would drift against the samples. The tolerance allows for rounding of cycle

@@ -91,7 +91,8 @@ impl<'a> Exact<'a> {
                     let known = super::signals::REASONS.iter().find(|(_, of)| of == code);
                     *number = self.value(&format!("reason.{}", known.map_or("other", |(name, _)| name)), *number)?;
                 }
-                let (none, other) = (self.value("reason.none", none)?, self.value("reason.other", other)?);
+                let none = self.value("reason.none", none)?;
+                let other = self.value("reason.other", other)?;
                 Ok(Source::Reason { none, other, codes })
             }
             source => Ok(source),

@@ -21,7 +21,8 @@ const MOST: f64 = 0.8;
 /// don't count.
 pub(super) fn check(scenario: &Scenario, section: &WireSection, mapping: &Mapping) -> Result<(), ScenarioError> {
     let Some(spec) = scenario.bus_of_bit_rate()? else { return Ok(()) };
-    let (database, rate_hz) = (section.database()?, scenario.simulation.rate_hz);
+    let database = section.database()?;
+    let rate_hz = scenario.simulation.rate_hz;
     let sent = mapping.outgoing.iter().map(|message| {
         let per_second = match message.trigger {
             Trigger::Every(samples) => rate_hz / samples as f64,

@@ -80,7 +80,8 @@ pub(super) fn dbc(drives: &[DriveSpec]) -> String {
     for drive in drives {
         for (command, name, sender, signals) in MESSAGES {
             // CANSimple identifiers have the node id above 5 bits of command.
-            let (id, length) = (u32::from(drive.node_id) << 5 | command, if signals.is_empty() { 0 } else { 8 });
+            let id = u32::from(drive.node_id) << 5 | command;
+            let length = if signals.is_empty() { 0 } else { 8 };
             _ = writeln!(text, "\nBO_ {id} Axis{}_{name}: {length} {}", drive.node_id, NODES[sender]);
             for (signal, start, bits, kind, unit) in signals {
                 // A DBC marks floating-point signals as signed; `SIG_VALTYPE_` states the type.
@@ -203,7 +204,8 @@ impl Axis<'_> {
             constant_per_a: Some(constant_nm_a),
             ..torque.clone()
         });
-        let (position, rate) = (of_motor(format!("alpha{joint}_rad")), of_motor(format!("alpha{joint}_dot_rad_s")));
+        let position = of_motor(format!("alpha{joint}_rad"));
+        let rate = of_motor(format!("alpha{joint}_dot_rad_s"));
         let encoder = [("Pos_Estimate", position), ("Vel_Estimate", rate)];
         let heartbeat = [("Axis_Error", error.clone()), ("Axis_State", state)];
         let temperature =

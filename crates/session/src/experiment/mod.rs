@@ -48,7 +48,9 @@ pub fn measure(scenario: &Scenario, control: ControlSpec, signals: &Signals) -> 
 /// Returns the checked session of such a run.
 fn session(scenario: &Scenario, control: ControlSpec) -> Result<Session, RunError> {
     let mut scenario = scenario.clone();
-    (scenario.control, scenario.excitation, scenario.simulation.duration_s) = (Some(control), None, None);
+    scenario.control = Some(control);
+    scenario.excitation = None;
+    scenario.simulation.duration_s = None;
     scenario.check()?;
     let session = Session::new(scenario, Mode::Free, Options::default())?;
     session.controller()?;

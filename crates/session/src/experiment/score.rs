@@ -102,7 +102,9 @@ pub fn score(tested: &TestedAssembly, zone: &Zone, measured: &ZoneMeasured) -> R
     let mut folds_hz: Vec<f64> = folds.map(|event| event.orbit.frequency_hz).collect();
     folds_hz.sort_by(f64::total_cmp);
     let backbone = computed_backbone(&forced, zone, dofs)?;
-    let (mut frequency, mut amplitude, mut unstable) = (0.0_f64, 0.0_f64, 0);
+    let mut frequency = 0.0_f64;
+    let mut amplitude = 0.0_f64;
+    let mut unstable = 0;
     let settled: Vec<&ResponsePoint> = measured.walk.points.iter().filter(|point| point.settled).collect();
     for point in &settled {
         let read = [point.frequency_hz, amplitude_m(point, channel)];
@@ -150,7 +152,8 @@ fn compared_at(branch: &Branch, read: &[ReadDof], walk: &[ResponsePoint]) -> usi
         (!is_clipped, largest)
     };
     let best = (0..read.len()).max_by(|a, b| {
-        let ((clean_a, largest_a), (clean_b, largest_b)) = (rank(*a), rank(*b));
+        let (clean_a, largest_a) = rank(*a);
+        let (clean_b, largest_b) = rank(*b);
         clean_a.cmp(&clean_b).then(largest_a.total_cmp(&largest_b))
     });
     best.unwrap_or_default()
@@ -200,7 +203,8 @@ fn jumps(channel: usize, up_and_down: [&[ResponsePoint]; 2], folds_hz: &[f64]) -
     let largest_m = up.iter().chain(&down).map(|(_, [amplitude_m])| *amplitude_m).fold(0.0, f64::max);
     let (up, down): (Vec<_>, Vec<_>) = pairs.filter(|(a, b)| a.1[0].max(b.1[0]) > RESOLVED * largest_m).unzip();
     let apart = hysteresis(&up, &down, DIFFERENT);
-    let (first_hz, last_hz) = (apart.first()?[0], apart.last()?[1]);
+    let first_hz = apart.first()?[0];
+    let last_hz = apart.last()?[1];
     let before_hz = up.iter().map(|point| point.0).take_while(|hz| *hz < first_hz).last()?;
     let after_hz = up.iter().map(|point| point.0).find(|hz| *hz > last_hz)?;
     Some([

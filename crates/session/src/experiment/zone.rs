@@ -83,7 +83,8 @@ impl Zone {
     /// Returns frequencies evenly over the zone, and those at which the walk has read the response: its points crowd
     /// where the response turns.
     fn frequencies_hz(&self, walked: &[ResponsePoint]) -> Vec<f64> {
-        let ([low_hz, high_hz], steps) = (self.range_hz, self.steps());
+        let [low_hz, high_hz] = self.range_hz;
+        let steps = self.steps();
         let even = (0..=steps).map(|i| low_hz + (high_hz - low_hz) * (i as f64 / steps as f64));
         let settled = walked.iter().filter(|point| point.settled).map(|point| point.frequency_hz);
         let mut all: Vec<f64> =
@@ -180,7 +181,8 @@ impl ZoneExperiment {
         });
         let sines = sines.zip(for_sines).collect::<Vec<_>>();
         let sines = on_all_cores(&sines, run, || ()).into_iter().collect::<Result<Vec<_>, _>>()?;
-        let (mut walks, mut sines) = (walks.into_iter(), sines.into_iter());
+        let mut walks = walks.into_iter();
+        let mut sines = sines.into_iter();
         let mut measured = Vec::with_capacity(self.zones.len());
         while let (Some(walk), Some(backbone), Some(up), Some(down)) =
             (walks.next(), walks.next(), sines.next(), sines.next())

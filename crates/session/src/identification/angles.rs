@@ -99,7 +99,8 @@ fn read(recording: &Recording) -> Result<Readings, IdentificationError> {
         // The head's force is not used.
         let marks = (sample.clipped.acceleration_b, sample.clipped.acceleration_c);
         clipped += usize::from(marks != Default::default());
-        let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
+        let [bx, by] = sample.acceleration_b_m_s2;
+        let [cx, cy] = sample.acceleration_c_m_s2;
         readings.accelerations_m_s2.push([bx, by, cx, cy]);
     }
     if clipped > 0 {

@@ -66,12 +66,14 @@ pub fn record(
 ) -> Result<Record, IdentificationError> {
     check_readings(recording)?;
     let rate_hz = 1.0 / recording.origin().dt_s;
-    let (mut rows, mut clipped) = (Vec::new(), 0);
+    let mut rows = Vec::new();
+    let mut clipped = 0;
     for sample in recording.samples()? {
         let sample = sample?;
         // All clipped samples are counted before the error is returned, so that it states how many there are.
         clipped += usize::from(sample.clipped.any());
-        let ([bx, by], [cx, cy]) = (sample.acceleration_b_m_s2, sample.acceleration_c_m_s2);
+        let [bx, by] = sample.acceleration_b_m_s2;
+        let [cx, cy] = sample.acceleration_c_m_s2;
         if sample.sample > 0 {
             rows.push((sample.head_force_n, [&[bx, by, cx, cy], sample.more.values()].concat()));
         }

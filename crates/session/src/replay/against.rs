@@ -316,7 +316,8 @@ impl<L: Controller> Test<'_, L> {
         mut expect: impl FnMut(&mut Self, &FrameRecord) -> Result<ControlFlow<()>, ReplayError>,
     ) -> Result<Compared, ReplayError> {
         // Times count from the first frame: a recording may begin in the middle of a run.
-        let (start_ns, mut first_ns) = (self.clock.now_ns(), None);
+        let start_ns = self.clock.now_ns();
+        let mut first_ns = None;
         for record in recording.frames()? {
             let record = record?;
             let time_ns = recording.origin().frame_time_ns(&record);
@@ -372,7 +373,8 @@ impl<L: Controller> Test<'_, L> {
 
     fn compare(&mut self, sample: u64, expected: Load, got: Load) {
         let apart = got - expected;
-        let (force_n, torque_nm) = (apart.force_n.amax(), apart.torque_nm.amax());
+        let force_n = apart.force_n.amax();
+        let torque_nm = apart.torque_nm.amax();
         let compared = &mut self.compared;
         compared.commands += 1;
         compared.largest_force_difference_n = compared.largest_force_difference_n.max(force_n);

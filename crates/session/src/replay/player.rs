@@ -85,7 +85,8 @@ pub fn play(
 ) -> Result<Played, ReplayError> {
     check_speed(playback.speed)?;
     let mut player = Player { bus, clock, signals };
-    let (mut played, mut start_ns) = (Played::default(), clock.now_ns());
+    let mut played = Played::default();
+    let mut start_ns = clock.now_ns();
     for pass in 1_u64.. {
         let is_last = pass == u64::from(playback.times);
         let Some(length_ns) = player.pass(recording, playback, start_ns, &mut played)? else { break };
@@ -128,7 +129,8 @@ impl Player<'_> {
         played: &mut Played,
     ) -> Result<Option<u64>, ReplayError> {
         let origin = recording.origin();
-        let (mut first_ns, mut length_ns) = (None, 0);
+        let mut first_ns = None;
+        let mut length_ns = 0;
         for record in recording.frames()? {
             let record: FrameRecord = record?;
             let Some(frame) = playback.frame(&record)? else { continue };

@@ -55,7 +55,8 @@ pub fn resimulate_readings(recording: &Recording) -> Result<ReadingsVerdict, Rep
 }
 
 fn is_recorded(measured: &Measurement, recorded: &SampleRecord) -> bool {
-    let (measured, bits) = (sample_record(measured), |value: &f64| value.to_bits());
+    let measured = sample_record(measured);
+    let bits = |value: &f64| value.to_bits();
     measured.values().iter().map(bits).eq(recorded.values().iter().map(bits))
         && measured.clipped_bits() == recorded.clipped_bits()
 }

@@ -62,13 +62,15 @@ fn responses_reading(
         (None, _) => {}
     }
     let network = scenario.network()?;
-    let (mut made, mut recorded) = (Receiver::new(network), Receiver::new(network));
+    let mut made = Receiver::new(network);
+    let mut recorded = Receiver::new(network);
     let controller = scenario.controller_reading(converter)?;
     let mut exciter = node::carry(network, scenario.wire_rate_hz()?, scenario.lockstep_timing()?, controller);
     // The recorded frames lack the same parts of a load as those made again.
     exciter.work_mut().controller.hand_over(&Readings::NONE);
     exciter.start(0);
-    let (mut responses, mut commands) = (Vec::new(), BTreeMap::new());
+    let mut responses = Vec::new();
+    let mut commands = BTreeMap::new();
     for record in recording.frames()? {
         let record = record?;
         match record.direction {

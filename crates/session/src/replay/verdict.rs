@@ -36,7 +36,8 @@ impl Verdict {
 
 /// Rejects a scenario whose sample period differs from the recorded one.
 pub(super) fn check(recording: &Recording, sample_rate_hz: f64) -> Result<(), ReplayError> {
-    let (recorded_s, configured_s) = (recording.origin().dt_s, 1.0 / sample_rate_hz);
+    let recorded_s = recording.origin().dt_s;
+    let configured_s = 1.0 / sample_rate_hz;
     // By bits, since both are 1/rate of the same rate. Another period would shift every sample.
     if recorded_s.to_bits() != configured_s.to_bits() {
         return Err(ReplayError::SamplePeriod { recorded_s, configured_s });
@@ -50,7 +51,8 @@ pub(super) fn compare(verdict: &mut Verdict, plant: &Plant, record: &StateRecord
     if !is_recorded(plant, record) {
         verdict.identical = false;
         verdict.first_divergence.get_or_insert(record.sample);
-        let (states, recorded) = (plant.states(), record.states.coordinates());
+        let states = plant.states();
+        let recorded = record.states.coordinates();
         let drifts = states.coordinates().iter().zip(recorded).map(|(one, other)| (one - other).abs());
         verdict.max_drift_rad = drifts.fold(verdict.max_drift_rad, f64::max);
     }

@@ -34,7 +34,8 @@ pub(super) fn timed_responses(
     let WireSpec::Mapped(mapping) = &spec else { return Err(ReplayError::NoLoad) };
     exciter.start(0);
     let armed_ns = armed_ns(recording)?;
-    let (mut loads, mut responses) = (Loads::new(mapping), Vec::new());
+    let mut loads = Loads::new(mapping);
+    let mut responses = Vec::new();
     loads.make(exciter.as_mut());
     for record in recording.frames()? {
         let record = record?;

@@ -88,7 +88,9 @@ impl<'a> Bench<'a> {
     /// Returns an independent copy in the same state that keeps its records and reports events to nobody. The original
     /// must do the same.
     pub fn unwatched_copy(&self) -> Bench<'static> {
-        let (plant, node, records) = (self.plant.clone(), self.node.boxed_clone(), self.records.copy_of_kept());
+        let plant = self.plant.clone();
+        let node = self.node.boxed_clone();
+        let records = self.records.copy_of_kept();
         Bench {
             outage: self.outage,
             bus_loss: self.bus_loss,
@@ -331,7 +333,8 @@ impl<'a> Bench<'a> {
     }
 
     fn publish(&mut self) -> Result<(), RunError> {
-        let (states, travel_m) = (self.plant.states(), self.plant.limited_travel_m());
+        let states = self.plant.states();
+        let travel_m = self.plant.limited_travel_m();
         Ok(self.node.publish(&PublishedSample { measurement: &self.measured, states, travel_m })?)
     }
 
@@ -436,9 +439,11 @@ impl<'a> Bench<'a> {
         if let Some(outage) = &self.outage {
             return if outage.is_too_long(now_ns) { Err(error.into()) } else { Ok(()) };
         }
-        let (sample, outage) = (self.sample(), Outage::new(now_ns, &error));
+        let sample = self.sample();
+        let outage = Outage::new(now_ns, &error);
         let cause = outage.cause;
-        (self.outage, self.bus_loss) = (Some(outage), Some(cause));
+        self.outage = Some(outage);
+        self.bus_loss = Some(cause);
         self.node.bus_lost(now_ns);
         (self.on_event)(RunEvent::BusLost { sample, cause });
         self.record_event(now_ns, "bus.lost", i64::from(cause == BusLoss::BusOff));

@@ -124,7 +124,8 @@ fn look_on(
     (mut record, mut watched): (Option<Channel>, Option<Watched>),
     stop: &AtomicBool,
 ) -> Found {
-    let (mut spans, mut found) = (Spans::default(), Found::default());
+    let mut spans = Spans::default();
+    let mut found = Found::default();
     let mut last_ns = SystemClock.now_ns();
     share.look();
     loop {
@@ -193,7 +194,8 @@ impl Found {
     /// Moves the found causes in the loop's own counts: the sum stays.
     fn moved(mut self, mut causes: OverrunCauses) -> OverrunCauses {
         for cause in OverrunCause::ALL {
-            let (stolen, preempted) = (*self.stolen.of(cause), *self.preempted.of(cause));
+            let stolen = *self.stolen.of(cause);
+            let preempted = *self.preempted.of(cause);
             // Never below 0: what is moved was counted by the loop before it was reported to this thread.
             *causes.of(cause) -= stolen + preempted;
             causes.stolen += stolen;

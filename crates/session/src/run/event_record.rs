@@ -84,7 +84,9 @@ pub(super) fn request_records(request: &Request) -> [Option<(&'static str, i64)>
 
 /// Returns the state of a plant as it is recorded, with the load held from its sample on.
 pub fn state_record(plant: &Plant, load: &Load, is_end: bool) -> Record {
-    let (sample, states, taken) = (plant.sample(), *plant.states(), plant.inputs());
+    let sample = plant.sample();
+    let states = *plant.states();
+    let taken = plant.inputs();
     Record::State(StateRecord { sample, states, load: *load, taken, is_end })
 }
 

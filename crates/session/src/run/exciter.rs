@@ -315,7 +315,9 @@ impl<C: Clock> Run<'_, C> {
     /// Notifies those who watch an exciter alone of a frame. A received frame counts to the next sample, a sent one to
     /// the sample before.
     fn notify_frame(&mut self, direction: Direction, bus_timestamp_ns: Option<u64>, frame: Frame) {
-        let (next, start_ns, clock) = (self.node.samples_played(), self.start_ns, self.clock);
+        let next = self.node.samples_played();
+        let start_ns = self.start_ns;
+        let clock = self.clock;
         let Some(watched) = self.watched.as_mut().filter(|watched| watched.end == End::Exciter) else { return };
         let sample = match direction {
             Direction::Received => next,

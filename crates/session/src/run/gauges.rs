@@ -119,7 +119,9 @@ mod tests {
     #[test]
     fn what_comes_during_a_reading_is_shown_by_the_next() {
         const ROUNDS: u64 = 50_000;
-        let (gauges, begin, end) = (Gauges::default(), Barrier::new(2), Barrier::new(2));
+        let gauges = Gauges::default();
+        let begin = Barrier::new(2);
+        let end = Barrier::new(2);
         let mut missed = Vec::new();
         std::thread::scope(|scope| {
             scope.spawn(|| {

@@ -37,7 +37,8 @@ pub(super) fn lockstep<C: Clock>(
     (ending, hold): (Ending, Option<&Hold>),
     signals: &Signals,
 ) -> Result<PlantReport, HistogramError> {
-    let (pace, exec) = (Pace::start(clock, rate, speed)?, LatencyHistogram::new()?);
+    let pace = Pace::start(clock, rate, speed)?;
+    let exec = LatencyHistogram::new()?;
     let mut run = Lockstep { bench, bus, pace, rate, ending, hold, signals, exec };
     let ended = run.samples();
     let Lockstep { bench, bus, mut pace, exec, .. } = run;
@@ -112,7 +113,8 @@ impl<C: Clock> Lockstep<'_, '_, '_, C> {
     /// the end if the run ends instead.
     fn wait_for_arming(&mut self) -> Result<Option<EndedBy>, RunError> {
         let sends_readings = self.bench.node.sends_unarmed_readings();
-        let (mut repeat_at_ns, mut armed_at_ns) = (0, None);
+        let mut repeat_at_ns = 0;
+        let mut armed_at_ns = None;
         let mut now_ns = self.pace.now_ns();
         loop {
             if let Some(end) = self.ended() {

@@ -46,7 +46,8 @@ fn reason(scenario: &Scenario, frame: &Frame) -> Option<String> {
 /// Describes a command that was rejected for its load, with the limit.
 pub(super) fn refused_command(refused: &RefusedLoad, plant: &Plant) -> String {
     let RefusedLoad { sample, load, refusal } = refused;
-    let ((force_n, torque_nm), gate) = (plant.exciter().limits(), plant.gate());
+    let (force_n, torque_nm) = plant.exciter().limits();
+    let gate = plant.gate();
     let limits: &[(Option<f64>, &str)] = match refusal {
         Refusal::OutOfRange => &[(Some(force_n), "N"), (Some(torque_nm), "N\u{b7}m")],
         Refusal::RateOfChange => {

@@ -167,7 +167,8 @@ impl<'c, C: Clock> Pace<'c, C> {
 
     /// Returns how simulated time kept up with the clock; `None` if the run did not wait for it.
     pub fn report(&self) -> Option<Pacing> {
-        let (lag_s, longest_lag_s) = (self.lag_ns as f64 * 1e-9, self.longest_lag_ns as f64 * 1e-9);
+        let lag_s = self.lag_ns as f64 * 1e-9;
+        let longest_lag_s = self.longest_lag_ns as f64 * 1e-9;
         self.speed.is_paced().then_some(Pacing { speed: self.speed.0, lag_s, longest_lag_s })
     }
 }

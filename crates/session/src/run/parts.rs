@@ -89,7 +89,8 @@ impl Session {
     }
 
     fn unchecked_exciter_node(&self, converter: Converter) -> Result<Box<dyn ExciterInterface>, RunError> {
-        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
+        let network = self.scenario.network()?;
+        let rate_hz = self.scenario.wire_rate_hz()?;
         let controller = self.controller_reading(converter)?;
         let mut node = match &self.wire {
             None => Box::new(node::carry(network, rate_hz, self.timing, controller)),
@@ -139,8 +140,10 @@ impl Session {
 
     /// Makes the plant's node, of the user protocol or of Resonarm's.
     fn plant_node(&self) -> Result<Box<dyn PlantInterface>, RunError> {
-        let (network, rate_hz) = (self.scenario.network()?, self.scenario.wire_rate_hz()?);
-        let (exciter, limits) = (*self.plant.exciter(), *self.plant.gate());
+        let network = self.scenario.network()?;
+        let rate_hz = self.scenario.wire_rate_hz()?;
+        let exciter = *self.plant.exciter();
+        let limits = *self.plant.gate();
         if let Some(wire) = &self.wire {
             return Ok(wire.node((rate_hz, self.time_base()), self.timing, exciter, limits));
         }
@@ -169,7 +172,8 @@ impl Session {
 
     /// Makes a bench that nobody watches, and that keeps its records.
     pub(super) fn hosted_bench(&self) -> Result<Bench<'static>, RunError> {
-        let (records, steps) = (RecordSink::Kept(Vec::new()), self.scenario.simulation.steps_per_sample());
+        let records = RecordSink::Kept(Vec::new());
+        let steps = self.scenario.simulation.steps_per_sample();
         Ok(Bench::new(self.plant.clone(), self.plant_node()?, steps, records, None, Box::new(|_| {})))
     }
 

@@ -375,7 +375,8 @@ impl Session {
         let mut far = self.with_faults(far, SystemClock, Node::Exciter);
         let watched = self.watch.as_ref().map(|watch| watch.open(End::ExciterBesidePlant));
         let plant_ended = AtomicBool::new(false);
-        let (patience, scenario) = (self.patience(Some(&plant_ended)), &self.scenario);
+        let patience = self.patience(Some(&plant_ended));
+        let scenario = &self.scenario;
         signals.set_exciter_ended(false);
         thread::scope(|scope| {
             // Started before this thread becomes a real-time one and leaves the loop's core, so that it stays an
@@ -491,7 +492,9 @@ impl<F: FnMut()> Drop for AtEnd<F> {
 
 /// Checks that a paced sample does not take so long that the ends consider each other lost.
 fn check_speed(speed: Speed, mode: Mode, rate: SampleRate, timeout_ns: u64) -> Result<(), SpeedError> {
-    let (got, period_s, timeout_s) = (speed.times(), speed.period_s(rate), timeout_ns as f64 * 1e-9);
+    let got = speed.times();
+    let period_s = speed.period_s(rate);
+    let timeout_s = timeout_ns as f64 * 1e-9;
     if mode == Mode::RealTime && speed != Speed::UNPACED {
         return Err(SpeedError::RealTime { got });
     }

@@ -216,7 +216,8 @@ pub enum NotAsked {
 
 /// Makes both ends: one for [`Session::watched`](super::Session::watched), one for the watcher.
 pub fn watch() -> (Watch, Watcher) {
-    let ((opened, opening), shared) = (mpsc::channel(), Arc::<Shared>::default());
+    let (opened, opening) = mpsc::channel();
+    let shared = Arc::<Shared>::default();
     (Watch { opened, shared: Arc::clone(&shared) }, Watcher { opening, open: Vec::new(), shared })
 }
 
@@ -225,7 +226,8 @@ impl Watch {
     pub fn open(&self, end: End) -> Watched {
         let (often, frames) = end.capacities();
         let (events, event_reader) = RingBuffer::new(EVENTS);
-        let ((often, often_reader), (frames, frame_reader)) = (RingBuffer::new(often), RingBuffer::new(frames));
+        let (often, often_reader) = RingBuffer::new(often);
+        let (frames, frame_reader) = RingBuffer::new(frames);
         let (responses, response_reader) = RingBuffer::new(RESPONSES);
         let (tests, test_reader) = RingBuffer::new(TEST_STATES);
         let (writer, requests) = RingBuffer::new(REQUESTS);

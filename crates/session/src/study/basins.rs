@@ -57,7 +57,8 @@ impl StateGrid {
     pub fn values(&self, index: usize) -> [f64; 2] {
         let places = [index % self.counts[0], index / self.counts[0]];
         [0, 1].map(|axis| {
-            let ([from, to], last) = (self.ends[axis], (self.counts[axis] - 1) as f64);
+            let [from, to] = self.ends[axis];
+            let last = (self.counts[axis] - 1) as f64;
             // Weighted ends in place of from + k · spacing: the last value is exactly the end.
             (from * (last - places[axis] as f64) + to * places[axis] as f64) / last
         })
@@ -174,7 +175,8 @@ impl BasinComputation {
     /// [`StudyError::TimeDomain`] if nothing can be computed, [`StudyError::Journal`] if the journal can't be written.
     pub fn compute_missing(self, control: &Control<'_>) -> Result<BasinComputation, StudyError> {
         let done = AtomicU64::new(self.done() as u64);
-        let (failed, journal) = (AtomicBool::new(false), Mutex::new(self.journal));
+        let failed = AtomicBool::new(false);
+        let journal = Mutex::new(self.journal);
         // An error on one thread stops the others, since the computation fails in any case.
         let stop = || (control.stop)() || failed.load(Ordering::Relaxed);
         let compute = |part: usize| -> Result<Option<Vec<BasinOutcome>>, StudyError> {
@@ -299,7 +301,8 @@ mod tests {
         let elements = vec![ElementSpec::Point { at: place, to: None, law }];
         let assembly = Assembly::new(&StructureSpec { body: BodySpec::Modal(body), elements }).unwrap();
         let dof = assembly.dof("tip.x").unwrap();
-        let (forced, frequency_hz) = (Forced::new(assembly, dof, 4.0), 4.5 / TAU);
+        let forced = Forced::new(assembly, dof, 4.0);
+        let frequency_hz = 4.5 / TAU;
         let (orbits, _) = stable_orbits(&forced, &[dof], frequency_hz, &|| false).unwrap();
         assert!(orbits.iter().all(|orbit| orbit.period == 1), "{orbits:?}");
         let [x, v] = [1.1686692211643264, 0.11509686260901884];

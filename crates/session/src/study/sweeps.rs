@@ -196,7 +196,8 @@ impl SweepComputation {
         let done = AtomicU64::new(self.done() as u64);
         // The first sweep that has failed, if one has. Those before it continue, so that the same error is reported
         // every time.
-        let (failed, journal) = (AtomicUsize::new(usize::MAX), Mutex::new(self.journal));
+        let failed = AtomicUsize::new(usize::MAX);
+        let journal = Mutex::new(self.journal);
         let finished = |point: &SweepPoint| {
             if let Some(journal) = journal.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
                 journal.append(point)?;
@@ -239,7 +240,8 @@ mod tests {
         let down = up.iter().rev().copied().collect();
         let over = Coordinate::FrequencyHz;
         let sweeps = [up, down].map(|values| Sweep { forced: forced.clone(), frequency_hz: 0.0, over, values });
-        let (sweeps, options) = (sweeps.into(), SettleOptions::default());
+        let sweeps = sweeps.into();
+        let options = SettleOptions::default();
         Sweeps { sweeps, read: vec![dof], start: vec![0.0; 2], options }
     }
 

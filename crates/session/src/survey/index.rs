@@ -258,6 +258,7 @@ fn recorded(folder: &Path, file: &Path, level: f64) -> Result<SurveyRun, SurveyE
 /// Returns the path of a file as an index in `folder` lists it.
 fn listed(folder: &Path, file: &Path) -> PathBuf {
     let whole = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
-    let (folder, file) = (whole(folder), whole(file));
+    let folder = whole(folder);
+    let file = whole(file);
     file.strip_prefix(&folder).map(Path::to_path_buf).unwrap_or(file)
 }

@@ -165,7 +165,8 @@ impl SurveyPlan {
                     let mut others = sensors.clone();
                     others.retain(|at| at != exciter);
                     if others.len() > MOST_ACCELEROMETERS {
-                        let (got, most) = (others.len(), MOST_ACCELEROMETERS);
+                        let got = others.len();
+                        let most = MOST_ACCELEROMETERS;
                         return Err(SurveyError::TooManySensors { group: group + 1, got, most });
                     }
                     let scenario = run_scenario(base, &summary, (number as u64, *level), exciter, &others)?;
@@ -226,7 +227,9 @@ fn run_scenario(
     let mut seed = || seeds.bits() >> 11;
     scenario.simulation.seed = seed();
     scenario.simulation.duration_s = None;
-    (scenario.network, scenario.wire, scenario.control) = (NetworkSection::default(), None, None);
+    scenario.network = NetworkSection::default();
+    scenario.wire = None;
+    scenario.control = None;
     let band = Band { from_hz: summary.from_hz, to_hz: summary.to_hz };
     let excitation_seed = if summary.excitation.has_seed() { seed() } else { 0 };
     let profile = summary.excitation.waveform(band, summary.duration_s, summary.rate_hz, excitation_seed);

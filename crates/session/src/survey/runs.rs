@@ -106,7 +106,8 @@ impl Survey {
         let work = |number: &usize| {
             let (state, reason) = self.measure(*number);
             self.with_index(|index| {
-                (index.runs[*number].state, index.runs[*number].reason) = (state, reason);
+                index.runs[*number].state = state;
+                index.runs[*number].reason = reason;
                 index.write(&self.folder).map(drop)
             })
         };
@@ -122,7 +123,8 @@ impl Survey {
 
     /// Runs one recording of the plan, and returns how it ended.
     fn measure(&self, number: usize) -> (RunState, Option<String>) {
-        let (run, signals) = (&self.runs[number], &self.signals[number]);
+        let run = &self.runs[number];
+        let signals = &self.signals[number];
         if signals.is_stopped() {
             return (RunState::Planned, None);
         }

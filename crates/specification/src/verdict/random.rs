@@ -265,11 +265,13 @@ pub fn judge_density(
     let mut lines = Vec::with_capacity(range.len());
     let mut judged = Vec::with_capacity(range.len());
     for index in range {
-        let (hz, density) = (control.frequency_hz[index], control.density[index]);
+        let hz = control.frequency_hz[index];
+        let density = control.density[index];
         let Some(demand) = test.profile.at(hz) else { continue };
         let is_limited = at_limit(index);
         let [low_db, high_db] = test.tolerance.at(hz);
-        let (ratio, low_db) = (density / demand, if is_limited { f64::NEG_INFINITY } else { low_db });
+        let ratio = density / demand;
+        let low_db = if is_limited { f64::NEG_INFINITY } else { low_db };
         let interval_db = factors.map(|factor| 10.0 * libm::log10(factor * ratio));
         let verdict = Verdict::of(interval_db, [low_db, high_db]);
         let tolerance_db = [low_db, high_db];

@@ -229,7 +229,10 @@ fn shot(test: &ShockTest, rate_hz: f64, reading: &[f64], start: usize, quiet: Qu
         let t_s = (k as f64 - (start - from) as f64 - late) / rate_hz;
         t_s >= 0.0 && t_s <= test.duration_s
     };
-    let (mut error, mut largest, mut sum, mut nominal) = (0.0_f64, 0.0_f64, 0.0, 0.0);
+    let mut error = 0.0_f64;
+    let mut largest = 0.0_f64;
+    let mut sum = 0.0;
+    let mut nominal = 0.0;
     for (k, (sample, pulse)) in samples(from, from + count + 2).zip(reference(late)).enumerate() {
         if inside(k) {
             error = error.max((sample - pulse).abs() / peak);

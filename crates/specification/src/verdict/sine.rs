@@ -272,7 +272,8 @@ fn averaged(values: &[f64], half: usize) -> Vec<f64> {
         sums[index + 1] = sums[index] + value;
     }
     let mean = |index: usize| {
-        let (from, to) = (index.saturating_sub(half), (index + half + 1).min(values.len()));
+        let from = index.saturating_sub(half);
+        let to = (index + half + 1).min(values.len());
         (sums[to] - sums[from]) / (to - from) as f64
     };
     (0..values.len()).map(mean).collect()
@@ -289,11 +290,16 @@ struct Reading {
 /// Reads a channel under Hann's window of `2 half + 1` samples about a sample.
 fn read(channel: &[f64], middle: f64, phase: &Phase, sample: usize, half: usize) -> Reading {
     let zero = Complex::new(0.0, 0.0);
-    let (mut tracked, mut noise, mut square, mut weight, mut peak) = (zero, zero, 0.0, 0.0, 0.0_f64);
+    let mut tracked = zero;
+    let mut noise = zero;
+    let mut square = 0.0;
+    let mut weight = 0.0;
+    let mut peak = 0.0_f64;
     let window = sample - half..=sample + half;
     for (index, (value, turn)) in window.clone().zip(channel[window.clone()].iter().zip(&phase.smooth[window])) {
         let w = 0.5 + 0.5 * libm::cos(TAU * (index as f64 - sample as f64) / (2 * half + 2) as f64);
-        let (value, turn) = (value - middle, turn - phase.smooth[sample]);
+        let value = value - middle;
+        let turn = turn - phase.smooth[sample];
         let (sine, cosine) = libm::sincos(turn);
         tracked += Complex::new(cosine, -sine) * (w * value);
         let (sine, cosine) = libm::sincos(1.5 * turn);
@@ -361,7 +367,8 @@ pub fn judge_sine(
             let index = sample as usize;
             let hz = phase.frequency_hz[index];
             let length = 2.0 / (test.tracking * hz) * rate_hz;
-            let (half, step) = ((0.5 * length) as usize, length / IN_WINDOW);
+            let half = (0.5 * length) as usize;
+            let step = length / IN_WINDOW;
             sample += step;
             let Some(demand) = test.acceleration_m_s2(hz) else { continue };
             if index < within.start + half || index + half >= within.end {
@@ -444,7 +451,8 @@ fn judge_points(test: &SineTest, points: &mut [(SinePoint, f64)]) {
     let squares: Vec<f64> = points.iter().map(|(point, _)| point.noise_m_s2 * point.noise_m_s2).collect();
     for ((point, _), square) in points.iter_mut().zip(averaged(&squares, NOISE_POINTS)) {
         point.noise_m_s2 = libm::sqrt(0.5 * square);
-        let (ratio, noise) = (value(test, point) / point.demand_m_s2, point.noise_m_s2 / point.demand_m_s2);
+        let ratio = value(test, point) / point.demand_m_s2;
+        let noise = point.noise_m_s2 / point.demand_m_s2;
         let [low, high] = [if point.is_limited { 0.0 } else { 1.0 - test.tolerance }, 1.0 + test.tolerance];
         point.verdict = Verdict::of_noisy(ratio, noise, [low, high]);
     }
@@ -474,10 +482,12 @@ impl Line {
         let is_logarithmic = matches!(test.rate, SweepRate::OctavesPerMinute(_));
         let at = |hz: &f64| if is_logarithmic { libm::log2(*hz) } else { *hz };
         let values: Vec<f64> = phase.frequency_hz[range.clone()].iter().map(at).collect();
-        let (middle, half) = (mean(&values), 0.5 * (values.len() as f64 - 1.0));
+        let middle = mean(&values);
+        let half = 0.5 * (values.len() as f64 - 1.0);
         let [product, time, square] =
             values.iter().enumerate().fold([0.0; 3], |[product, time, square], (k, value)| {
-                let (k, value) = (k as f64 - half, value - middle);
+                let k = k as f64 - half;
+                let value = value - middle;
                 [product + k * value, time + k * k, square + value * value]
             });
         let slope = product / time.max(f64::MIN_POSITIVE);
@@ -524,7 +534,8 @@ fn swept(test: &SineTest, phase: &Phase, stretch: Range<usize>, [from_hz, to_hz]
     let least = LEAST_PART * libm::log2(to_hz / from_hz);
     let is_long = |range: &Range<usize>| least > 0.0 && libm::log2(hz(range.end - 1) / hz(range.start)).abs() >= least;
     let by_frequency = |a: &usize, b: &usize| hz(*a).total_cmp(&hz(*b));
-    let (low, high) = (stretch.clone().min_by(by_frequency)?, stretch.max_by(by_frequency)?);
+    let low = stretch.clone().min_by(by_frequency)?;
+    let high = stretch.max_by(by_frequency)?;
     let mut range = low.min(high)..low.max(high) + 1;
     let times = range.len() as f64 / phase.rate_hz / test.sweep_s(hz(low), hz(high));
     if !is_long(&range) || !(1.0 / MOST_TIMES..=MOST_TIMES).contains(&times) {
@@ -590,7 +601,8 @@ fn begins_s(test: &SineTest, pass: &SinePass) -> f64 {
 
 fn conclude(test: &SineTest, limits: &Limits, sweeps: Vec<Sweep>, left_out: usize) -> SineVerdict {
     let mut over_limit: Vec<(f64, f64)> = vec![(0.0, 0.0); limits.response.len()];
-    let (mut passes, mut points) = (Vec::new(), Vec::new());
+    let mut passes = Vec::new();
+    let mut points = Vec::new();
     for sweep in sweeps {
         for (largest, own) in over_limit.iter_mut().zip(sweep.over_limit) {
             if own.0 > largest.0 {

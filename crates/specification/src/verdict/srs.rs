@@ -129,7 +129,8 @@ fn shot(
     period: usize,
 ) -> Result<SrsShot, VerdictError> {
     // What is below the threshold at both ends belongs to the shot, and the lowest oscillator must turn back after it.
-    let (from, to) = (range.start.saturating_sub(period), (range.end + period).min(samples.len()));
+    let from = range.start.saturating_sub(period);
+    let to = (range.end + period).min(samples.len());
     let mut record = samples[from..to].to_vec();
     record.resize(record.len() + period, 0.0);
     let frequency_hz = test.frequencies_hz();

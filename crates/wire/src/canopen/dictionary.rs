@@ -383,7 +383,8 @@ impl Dictionary {
     /// Stores a value, which must be of the entry's type.
     pub(super) fn store(&mut self, address: Address, value: Value) {
         if let Some(entry) = self.entry_mut(address) {
-            (entry.value, entry.is_limited) = (value, false);
+            entry.value = value;
+            entry.is_limited = false;
         }
     }
 
@@ -391,7 +392,8 @@ impl Dictionary {
     pub(super) fn reset(&mut self, indices: core::ops::RangeInclusive<u16>) {
         let meant = self.objects.iter_mut().filter(|object| indices.contains(&object.index));
         for entry in meant.flat_map(|object| object.entries.iter_mut()) {
-            (entry.value, entry.is_limited) = (entry.initial, false);
+            entry.value = entry.initial;
+            entry.is_limited = false;
         }
     }
 }

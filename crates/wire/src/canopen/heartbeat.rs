@@ -48,7 +48,8 @@ impl Consumers {
             if heard_ns.is_some_and(|heard_ns| is_over(heard_ns, time_ns)) {
                 // An overdue heartbeat is reported once. Without this reset the node would report it again at
                 // every call.
-                (*heard_ns, is_lost) = (None, true);
+                *heard_ns = None;
+                is_lost = true;
             }
         }
         is_lost

@@ -222,7 +222,8 @@ impl Listener {
         let Id::Standard(id) = frame.id() else { return Heard::Foreign };
         let is_remote = frame.format() == FrameFormat::Remote;
         let is_fd = !is_remote && frame.format() != FrameFormat::Classic;
-        let (own, data) = (u16::from(self.node_id), frame.data());
+        let own = u16::from(self.node_id);
+        let data = frame.data();
         let part = match id {
             SYNC_ID if !is_remote => Part::Sync,
             NMT_ID => Part::Nmt,
@@ -299,7 +300,8 @@ impl Listener {
 
     fn hear_pdo(&mut self, id: u16, is_remote: bool, data: &[u8]) -> Heard {
         let Some(pdo) = self.pdo_of(id) else { return Heard::Foreign };
-        let (number, is_sent) = (pdo.number + 1, pdo.direction == TRANSMIT);
+        let number = pdo.number + 1;
+        let is_sent = pdo.direction == TRANSMIT;
         if is_remote {
             let is_answered = is_sent && pdo.allows_remote(&self.dictionary);
             return Heard::PdoRequest { number, is_answered };
@@ -314,7 +316,8 @@ impl Listener {
 
     /// Returns the values in a PDO, and the first mapped object that the frame is too short for.
     fn mapped(&self, pdo: Pdo, data: &[u8]) -> (Vec<(Address, Value)>, Option<Address>) {
-        let (mut values, mut place) = (Vec::new(), 0);
+        let mut values = Vec::new();
+        let mut place = 0;
         for address in pdo.mapped(&self.dictionary) {
             let Ok(entry) = self.dictionary.entry(address) else { continue };
             let end = place + entry.value.len();

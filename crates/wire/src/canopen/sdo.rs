@@ -68,7 +68,8 @@ impl SdoServer {
         if !entry.access.is_writable() {
             return Err(Abort::ReadOnly);
         }
-        let (is_expedited, has_size) = (request[0] & 2 != 0, request[0] & 1 != 0);
+        let is_expedited = request[0] & 2 != 0;
+        let has_size = request[0] & 1 != 0;
         let answer = initiated(0x60, address);
         if is_expedited {
             let unused = usize::from(request[0] >> 2 & 3);
@@ -97,7 +98,8 @@ impl SdoServer {
         let Transfer::Down { address, bytes, len, announced, toggle } = &mut self.transfer else {
             return Err((at(0, 0), Abort::Command));
         };
-        let (address, is_set) = (*address, request[0] & 0x10 != 0);
+        let address = *address;
+        let is_set = request[0] & 0x10 != 0;
         if is_set != *toggle {
             return Err((address, Abort::Toggle));
         }
@@ -106,7 +108,8 @@ impl SdoServer {
         // The buffer has the length of the longest string, so a transfer without an announced length ends here.
         let place = bytes.get_mut(*len..end).ok_or((address, Abort::LengthTooHigh))?;
         place.copy_from_slice(&request[1..1 + count]);
-        (*len, *toggle) = (end, !*toggle);
+        *len = end;
+        *toggle = !*toggle;
         let answer = [0x20 | u8::from(is_set) << 4, 0, 0, 0, 0, 0, 0, 0];
         if request[0] & 1 == 0 {
             return Ok(Step::Answer(answer));
@@ -157,7 +160,8 @@ impl SdoServer {
         answer[1..1 + count].copy_from_slice(&bytes[*sent..*sent + count]);
         let is_last = *sent + count == *len;
         answer[0] = u8::from(*toggle) << 4 | ((7 - count) as u8) << 1 | u8::from(is_last);
-        (*sent, *toggle) = (*sent + count, !*toggle);
+        *sent += count;
+        *toggle = !*toggle;
         if is_last {
             self.transfer = Transfer::None;
         }

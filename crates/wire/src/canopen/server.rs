@@ -471,7 +471,8 @@ impl Server {
                 every @ 1..=240 => {
                     transmit.syncs = transmit.syncs.saturating_add(1);
                     if transmit.syncs >= every {
-                        (transmit.syncs, transmit.is_owed) = (0, true);
+                        transmit.syncs = 0;
+                        transmit.is_owed = true;
                     }
                 }
                 _ => {}
@@ -564,7 +565,8 @@ impl Server {
     /// Queues a PDO, which is built when it is sent.
     fn queue(&mut self, place: usize, now_ns: u64) {
         let Some(transmit) = self.transmit.get_mut(place) else { return };
-        (transmit.queued_ns, transmit.is_deferred) = (Some(now_ns), false);
+        transmit.queued_ns = Some(now_ns);
+        transmit.is_deferred = false;
         // The frame is built when it is sent. A PDO that already waits is so replaced by its newer values.
         if core::mem::replace(&mut transmit.waits, true) {
             self.unsent += 1;
@@ -612,7 +614,8 @@ impl Server {
 
     fn pdo_frame(&self, number: u16) -> Option<Frame> {
         let pdo = Pdo { direction: TRANSMIT, number };
-        let (mut payload, mut length) = ([0; 8], 0);
+        let mut payload = [0; 8];
+        let mut length = 0;
         for entry in pdo.mapped(&self.dictionary).filter_map(|address| self.dictionary.entry(address).ok()) {
             let mut bytes = [0; TEXT_MAX_BYTES];
             let more = entry.value.encode(&mut bytes);

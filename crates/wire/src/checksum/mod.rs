@@ -197,8 +197,12 @@ impl Checksum {
             return Err(ChecksumError::PlaceBits { got: place.bits(), expected: algorithm.width() });
         }
         let own_bits = place.occupied();
-        let (own, left_out, reversed) = (Own::LeftOut, 0, false);
-        let (before, after, fields) = (Vec::new(), Vec::new(), Vec::new());
+        let own = Own::LeftOut;
+        let left_out = 0;
+        let reversed = false;
+        let before = Vec::new();
+        let after = Vec::new();
+        let fields = Vec::new();
         Ok(Checksum { algorithm, place, own, left_out, reversed, before, after, fields, own_bits })
     }
 

@@ -327,7 +327,8 @@ impl Builder {
     }
 
     fn check_place(&self) -> Result<(), PresetError> {
-        let (preset, got) = (self.preset, self.place);
+        let preset = self.preset;
+        let got = self.place;
         let (bits, order) = match preset {
             Preset::AutosarP4 => (32, ByteOrder::Motorola),
             Preset::AutosarP5 => (16, ByteOrder::Intel),

@@ -198,7 +198,8 @@ impl Decoding {
     }
 
     fn line(&mut self, line: &CandumpLine) -> Result<(), Failure> {
-        let (time_s, interface) = (line.time_ns.and_then(seconds), line.interface.as_deref());
+        let time_s = line.time_ns.and_then(seconds);
+        let interface = line.interface.as_deref();
         let error = match &line.content {
             CandumpContent::Frame(frame) => return self.frame(time_s, interface, frame),
             CandumpContent::ErrorFrame(error) => error,

@@ -364,7 +364,9 @@ impl ForceControl {
 
     /// Moves to the next frequency with the present command, or to the end.
     fn next(&mut self, n: u64) {
-        (self.point, self.tries, self.tried) = (self.point + 1, 0, None);
+        self.point += 1;
+        self.tries = 0;
+        self.tried = None;
         let from = self.command_n;
         let more = self.point < self.frequencies_hz.len();
         if let Some(cancellation) = &mut self.cancellation {
@@ -381,7 +383,8 @@ impl ForceControl {
         if sample.head_force_n.iter().any(|reading| reading.clipped) {
             return Some(Abort::HeadClipped { frequency_hz });
         }
-        let (got, limit) = (force_n.abs(), self.limit_n);
+        let got = force_n.abs();
+        let limit = self.limit_n;
         (got > limit).then_some(Abort::Load { got, limit, unit: "N", frequency_hz })
     }
 }

@@ -129,7 +129,8 @@ impl BackboneModel {
         // Deviations from the last point are fitted and the last point is added again. The regularisation then
         // pulls towards it, and the sums keep their digits.
         let Some(origin) = self.findings.last().map(&value) else { return 0.0 };
-        let (mut normal, mut moment) = (Matrix3::zeros(), Vector3::zeros());
+        let mut normal = Matrix3::zeros();
+        let mut moment = Vector3::zeros();
         let mut total = 0.0;
         let mut recency = 1.0;
         for finding in self.findings.iter().rev() {
@@ -166,7 +167,8 @@ impl BackboneModel {
         const ITERATIONS: usize = 50;
         let (mut amplitude, mut omega) = near;
         // The factors A Im D/F and Re D/Im D start from their values without other modes.
-        let (mut sine, mut cotangent) = (libm::sin(lag_rad), 1.0 / libm::tan(lag_rad));
+        let mut sine = libm::sin(lag_rad);
+        let mut cotangent = 1.0 / libm::tan(lag_rad);
         for _ in 0..ITERATIONS {
             let (stiffness, damping) = self.at(amplitude);
             amplitude = load * sine / (damping * omega);
@@ -176,7 +178,8 @@ impl BackboneModel {
             }
             omega = libm::sqrt(square);
             let own = self.own(unit(lag_rad) * (load / amplitude), omega);
-            (sine, cotangent) = (amplitude * own.im / load, own.re / own.im);
+            sine = amplitude * own.im / load;
+            cotangent = own.re / own.im;
         }
         Some((amplitude, omega))
     }
@@ -196,8 +199,10 @@ mod tests {
         let tested = tests::preset([0.0, 60.0]);
         let of = Modelled::new(&tested, &RigSpec::default()).unwrap();
         let model = ModeModel::new(&of, &Load::torque_nm(1.0, 0.0), 1.0, ModeNumber::FIRST).unwrap();
-        let (w1, m) = (model.mode.angular_frequency_rad_s, model.mode.modal_mass);
-        let (softening, damping) = (2.0e3, 2.0 * model.mode.damping_ratio * w1 * m);
+        let w1 = model.mode.angular_frequency_rad_s;
+        let m = model.mode.modal_mass;
+        let softening = 2.0e3;
+        let damping = 2.0 * model.mode.damping_ratio * w1 * m;
         let stiffness = |a: f64, omega: f64| {
             let own = Phasor::new(m * (w1 * w1 - softening * a * a - omega * omega), damping * omega);
             (own.inv() + compliance(model.others(), omega)).inv()

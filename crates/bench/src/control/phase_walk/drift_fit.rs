@@ -65,7 +65,8 @@ impl DriftFit {
         // The residual follows from the sums. It is bounded at 0, where rounding may take it below.
         let variance = ((self.square - z.dot(&self.moment)) / self.weight).max(0.0);
         // Re(c e^{iθ}) = Re c cos θ − Im c sin θ.
-        let (amplitude, change) = (Phasor::new(z[1], -z[2]), Phasor::new(z[3], -z[4]));
+        let amplitude = Phasor::new(z[1], -z[2]);
+        let change = Phasor::new(z[3], -z[4]);
         let deviation = FACTOR * libm::sqrt(variance / self.samples as f64);
         Some(Drift { change: change / amplitude, deviation })
     }
@@ -82,7 +83,8 @@ mod tests {
         let mut fit = DriftFit::new(400);
         for k in 0..400 {
             let x = (k as f64 + 0.5) / 400.0 - 0.5;
-            let (phase, other) = (0.157 * k as f64, 0.29 * k as f64);
+            let phase = 0.157 * k as f64;
+            let other = 0.29 * k as f64;
             let c = Phasor::new(3.0, -4.0) * (Phasor::new(0.002, 0.001) * x + 1.0);
             let ringing = real_product(&Phasor::new(2.0, 5.0), &unit(other)) * libm::exp(-0.1 * x);
             let y = 0.3 + real_product(&c, &unit(phase)) + libm::cos(3.0 * phase) + ringing + noise();
@@ -104,7 +106,8 @@ mod tests {
     fn states_its_deviation() {
         let runs = 200;
         let mut noise = Noise::new(1, 0);
-        let (mut square, mut said) = (0.0, 0.0);
+        let mut square = 0.0;
+        let mut said = 0.0;
         for _ in 0..runs {
             let Drift { change, deviation } = fit(|| 0.1 * noise.normal());
             square += (5.0 * (change.re - 0.002)).powi(2) / f64::from(runs);

@@ -158,7 +158,8 @@ impl PhaseWalk {
     ) -> Result<PhaseWalk, PhaseWalkError> {
         let plan = plan.into();
         plan.check()?;
-        let (load, unit_load) = (plan.load(), plan.unit_load());
+        let load = plan.load();
+        let unit_load = plan.unit_load();
         // Changing an amplitude takes load beyond that of the steady response, so the whole of the exciter
         // can't be used up.
         let expected = "below the exciter's limit: the controller needs a reserve to change the amplitude";
@@ -376,10 +377,13 @@ impl PhaseWalk {
             let point = found.response(frequency_hz, lag_rad, self.tries, settled);
             self.responses.push(ResponsePoint { load_kind: self.load_kind(), ..point });
         }
-        (self.point, self.tries) = (self.point + 1, 0);
+        self.point += 1;
+        self.tries = 0;
         self.unsettled = if settled { 0 } else { self.unsettled + 1 };
         if self.unsettled > MOST_UNSETTLED {
-            let (points, lag_deg, drift) = (self.unsettled, lag_rad.to_degrees(), found.drift);
+            let points = self.unsettled;
+            let lag_deg = lag_rad.to_degrees();
+            let drift = found.drift;
             self.stage = Stage::Done(Some(Abort::NotSettling { points, frequency_hz, lag_deg, drift }));
         }
     }
@@ -425,7 +429,9 @@ impl PhaseWalk {
 
     fn check_load(&self) -> Option<Abort> {
         let unit = self.plan.amplitude().unit();
-        let (got, limit, frequency_hz) = (self.held.last().abs(), self.limit, self.omega_rad_s / TAU);
+        let got = self.held.last().abs();
+        let limit = self.limit;
+        let frequency_hz = self.omega_rad_s / TAU;
         (got > limit).then_some(Abort::Load { got, limit, unit, frequency_hz })
     }
 }

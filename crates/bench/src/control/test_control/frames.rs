@@ -83,7 +83,8 @@ impl Frames {
     /// Averages anew, without the frames that overlap what was before.
     pub fn reset(&mut self) {
         // Frames overlap by half, so that the present one and the next hold samples from before.
-        (self.averages, self.skip) = (0, 2);
+        self.averages = 0;
+        self.skip = 2;
     }
 
     /// Forgets the samples of the present frame, since samples were lost.
@@ -131,7 +132,8 @@ impl Frames {
             }
             self.fft.forward(&mut self.work);
             for k in 0..=length / 2 {
-                let (z, mirrored) = (self.work[k], self.work[(length - k) % length].conj());
+                let z = self.work[k];
+                let mirrored = self.work[(length - k) % length].conj();
                 self.spectra[first][k] = (z + mirrored) * 0.5;
                 let difference = (z - mirrored) * 0.5;
                 if let Some(spectrum) = self.spectra.get_mut(first + 1) {
@@ -275,7 +277,8 @@ mod tests {
     /// Densities of noise through the frames are those that it was made with, and a delayed, scaled copy is coherent.
     #[test]
     fn noise_has_its_density_and_a_copy_is_coherent() {
-        let (length, rate_hz) = (256, 1000.0);
+        let length = 256;
+        let rate_hz = 1000.0;
         let band = 10..100;
         let density: Vec<f64> = (0..=length / 2).map(|k| 1e-3 * k as f64).collect();
         let mut drive = NoiseDrive::new(length, rate_hz, 3);

@@ -159,7 +159,8 @@ impl Identification {
             self.drive[k].im = 0.0;
         }
         let largest = self.drive.iter().fold(0.0_f64, |largest, line| largest.max(line.re));
-        let (mut response, mut force) = (0.0, 0.0);
+        let mut response = 0.0;
+        let mut force = 0.0;
         for (line, h) in self.drive.iter_mut().zip(&self.responses[0]) {
             line.re = line.re.max(least * largest);
             force += 0.5 * line.re * line.re;
@@ -184,12 +185,14 @@ impl Identification {
     /// antiresonance, and pass all other lines in a burst of the response; so p is the mean of the shares in drive and response,
     /// and neither has more than twice the power of an even spread at any time.
     fn spread(&mut self, gain: impl Fn(usize) -> f64) {
-        let (mut force, mut response) = (0.0, 0.0);
+        let mut force = 0.0;
+        let mut response = 0.0;
         for (k, line) in self.drive.iter().enumerate() {
             force += line.re * line.re;
             response += line.re * line.re * gain(k);
         }
-        let (mut cycles, mut below) = (0.0, 0.0);
+        let mut cycles = 0.0;
+        let mut below = 0.0;
         for (k, line) in self.drive.iter_mut().enumerate() {
             cycles -= below;
             cycles -= libm::floor(cycles);
@@ -215,7 +218,8 @@ impl Identification {
     /// Takes the readings of a sample. Returns the drive that answers it, N, and what is known.
     pub fn step(&mut self, readings: impl Iterator<Item = f64>) -> (f64, Known) {
         let drive_n = self.bank.sum(&self.drive);
-        let (settled, read) = (SETTLED_PERIODS[self.pass], READ_PERIODS[self.pass]);
+        let settled = SETTLED_PERIODS[self.pass];
+        let read = READ_PERIODS[self.pass];
         if self.periods >= settled {
             for (lines, value) in self.responses.iter_mut().zip(readings) {
                 self.bank.read(lines, value);
@@ -285,7 +289,9 @@ mod tests {
         let mut found = Identification::new(LineBank::new(800, 100.0, [5.0, 40.0]), 1, 100.0, 1e3);
         found.begin(0.5);
         let mut past = [0.0; 4];
-        let (mut squares, mut count, mut peak) = (0.0, 0, 0.0_f64);
+        let mut squares = 0.0;
+        let mut count = 0;
+        let mut peak = 0.0_f64;
         loop {
             // 2 (x(n − 3) − x(n − 4)).
             let reading = 2.0 * (past[2] - past[3]);
@@ -293,7 +299,8 @@ mod tests {
             past = [drive_n, past[0], past[1], past[2]];
             peak = peak.max(drive_n.abs());
             if found.pass == 1 && found.periods >= 1 {
-                (squares, count) = (squares + reading * reading, count + 1);
+                squares += reading * reading;
+                count += 1;
             }
             match known {
                 Known::Nothing => {}
@@ -323,7 +330,9 @@ mod tests {
         let mut found = Identification::new(LineBank::new(800, 100.0, [5.0, 40.0]), 1, 100.0, 1e3);
         found.begin(0.5);
         let mut past = [0.0; 3];
-        let (mut squares, mut peaks, mut count) = ([0.0; 2], [0.0_f64; 2], 0);
+        let mut squares = [0.0; 2];
+        let mut peaks = [0.0_f64; 2];
+        let mut count = 0;
         loop {
             // Zeros at 0.98 e^(±2πi 20/100).
             let reading = past[0] - 1.96 * libm::cos(TAU * 0.2) * past[1] + 0.98 * 0.98 * past[2];
@@ -351,14 +360,16 @@ mod tests {
     #[test]
     fn a_sharp_mode_is_interpolated_between_its_lines() {
         let h = |hz: f64| {
-            let (w, wn) = (TAU * hz, TAU * 30.27);
+            let w = TAU * hz;
+            let wn = TAU * 30.27;
             Complex::new(-w * w, 0.0) / Complex::new(wn * wn - w * w, 2.0 * 0.005 * w * wn)
         };
         let lines: Vec<Complex<f64>> = (0..100).map(|k| h(10.0 + 0.5 * k as f64)).collect();
         let mut worst = 0.0_f64;
         for k in 0..9000 {
             let hz = 10.5 + 0.005 * k as f64;
-            let (found, exact) = (response_at(&lines, (hz - 10.0) / 0.5), h(hz));
+            let found = response_at(&lines, (hz - 10.0) / 0.5);
+            let exact = h(hz);
             worst = worst.max((found / exact - 1.0).norm());
         }
         assert!(worst < 0.021, "{worst}");

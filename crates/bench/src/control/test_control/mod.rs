@@ -375,7 +375,8 @@ struct LawSettings<'a> {
 impl LawSettings<'_> {
     /// Checks that the samples carry a band: 0.45 of the sample rate leaves two lines to half of it.
     fn check_band(&self, [_, to_hz]: [f64; 2]) -> Result<(), TestControlError> {
-        let (rate_hz, most_hz) = (self.rate_hz, HIGHEST * self.rate_hz);
+        let rate_hz = self.rate_hz;
+        let most_hz = HIGHEST * self.rate_hz;
         if to_hz <= most_hz { Ok(()) } else { Err(TestControlError::Rate { to_hz, rate_hz, most_hz }) }
     }
 }
@@ -529,7 +530,8 @@ impl TestController {
                     self.share = 0.0;
                 }
                 let Step { drive_n, end } = self.law.step(&readings);
-                let (samples, every) = (CLIPPED_SAMPLES, CLIPPED_EVERY);
+                let samples = CLIPPED_SAMPLES;
+                let every = CLIPPED_EVERY;
                 // A leaky bucket: a clipped reading fills in what `every` others drain. Five in a row overflow it,
                 // and so does more than one in fifty for long.
                 self.clipped = if control.clipped { self.clipped + every } else { self.clipped.saturating_sub(1) };
@@ -562,7 +564,9 @@ impl TestController {
             (Deed::Stop, Ramp::On) => self.ramp = Ramp::Down(End::Stopped(StopReason::Operator)),
             (Deed::Start, Ramp::Down(_)) if self.share <= 1e-9 => {
                 self.law.restart();
-                (self.ramp, self.share, self.clipped) = (Ramp::On, 1.0, 0);
+                self.ramp = Ramp::On;
+                self.share = 1.0;
+                self.clipped = 0;
             }
             (Deed::Level(level_db), _) => self.law.set_level(level_db),
             (Deed::Stop | Deed::Start, _) => {}
@@ -589,7 +593,10 @@ impl Controller for TestController {
     fn restart(&mut self) {
         self.law.restart();
         self.operator.restart();
-        (self.ramp, self.share, self.last, self.clipped) = (Ramp::On, 1.0, None, 0);
+        self.ramp = Ramp::On;
+        self.share = 1.0;
+        self.last = None;
+        self.clipped = 0;
     }
 
     fn answer(&mut self, sample: &Measurement) -> Answer {

@@ -63,7 +63,8 @@ impl Probe {
     /// Returns a loop check over a band, with lines at most `lines_hz` apart and `memory` frames in the memory of averages. The
     /// first `limited` channels with a limit are read, too.
     pub fn new(of: &LawSettings<'_>, limited: usize, band_hz: [f64; 2], lines_hz: f64, memory: u32) -> Probe {
-        let (rate_hz, low_n) = (of.rate_hz, of.limits.gain_check_n.unwrap_or(LOW_N));
+        let rate_hz = of.rate_hz;
+        let low_n = of.limits.gain_check_n.unwrap_or(LOW_N);
         // At least 16 samples, so that there are lines at all.
         let length = (libm::ceil(rate_hz / lines_hz) as usize).max(16).next_power_of_two();
         let line_hz = rate_hz / length as f64;
@@ -94,7 +95,9 @@ impl Probe {
     pub fn restart(&mut self) {
         self.frames.interrupt();
         self.noise.restart();
-        (self.phase, self.drive_n, self.has_head) = (TestPhase::Silence, 0.0, false);
+        self.phase = TestPhase::Silence;
+        self.drive_n = 0.0;
+        self.has_head = false;
     }
 
     /// Forgets the frame in which samples were lost.

@@ -100,7 +100,9 @@ impl RandomLaw {
         let band_hz = test.profile.band_hz();
         of.check_band(band_hz)?;
         let probe = Probe::new(of, of.limits.response.len(), band_hz, test.lines_hz, MEMORY);
-        let (band, line_hz, lines) = (probe.band.clone(), probe.line_hz, probe.silence.len());
+        let band = probe.band.clone();
+        let line_hz = probe.line_hz;
+        let lines = probe.silence.len();
         let over_lines = |outside: f64, level: &dyn Fn(f64) -> Option<f64>| -> Vec<f64> {
             (0..lines).map(|k| level(k as f64 * line_hz).filter(|_| band.contains(&k)).unwrap_or(outside)).collect()
         };
@@ -174,7 +176,8 @@ impl RandomLaw {
 
     /// Corrects the drive by the ratio of what is specified and what is measured.
     fn correct(&mut self) {
-        let (power, frames) = (self.level_power(), &self.probe.frames);
+        let power = self.level_power();
+        let frames = &self.probe.frames;
         for k in self.probe.band.clone() {
             let wanted = self.demand[k] * power / frames.density[CONTROL][k].max(f64::MIN_POSITIVE);
             let mut ratio = wanted;
@@ -210,7 +213,8 @@ impl RandomLaw {
     /// Returns the share of the lines beyond the deviations that end the test.
     fn share_beyond(&self) -> Option<f64> {
         let abort = self.abort.as_ref()?;
-        let (power, control) = (self.level_power(), &self.probe.frames.density[CONTROL]);
+        let power = self.level_power();
+        let control = &self.probe.frames.density[CONTROL];
         let is_beyond = |k: &usize| {
             let ratio = control[*k] / (power * self.demand[*k] * self.notch[*k]);
             !(ratio >= abort[*k][0] && ratio <= abort[*k][1])
@@ -254,7 +258,8 @@ impl RandomLaw {
 
     fn go_to(&mut self, level: usize) {
         self.probe.phase = TestPhase::Level;
-        (self.level, self.hops) = (level, 0);
+        self.level = level;
+        self.hops = 0;
         self.probe.frames.reset();
         self.rms.clear();
     }
@@ -316,7 +321,10 @@ impl RandomLaw {
 impl Law for RandomLaw {
     fn restart(&mut self) {
         self.probe.restart();
-        (self.level, self.hops, self.full_hops, self.drive_n) = (0, 0, 0, 0.0);
+        self.level = 0;
+        self.hops = 0;
+        self.full_hops = 0;
+        self.drive_n = 0.0;
         self.density.fill(0.0);
         self.notch.fill(1.0);
         self.rms.clear();
@@ -403,7 +411,9 @@ impl RunningRms {
     }
 
     fn clear(&mut self) {
-        (self.complete, self.count, self.sum) = (0, 0, 0.0);
+        self.complete = 0;
+        self.count = 0;
+        self.sum = 0.0;
     }
 
     /// Takes a sample. Returns the mean square when a block is complete, from the tenth on.
@@ -414,7 +424,8 @@ impl RunningRms {
             return None;
         }
         self.sums[self.complete % RMS_BLOCKS] = self.sum;
-        (self.count, self.sum) = (0, 0.0);
+        self.count = 0;
+        self.sum = 0.0;
         self.complete += 1;
         (self.complete >= RMS_BLOCKS).then(|| self.sums.iter().sum::<f64>() / (RMS_BLOCKS * self.block) as f64)
     }

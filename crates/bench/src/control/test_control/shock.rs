@@ -125,7 +125,8 @@ impl ShockLaw {
     /// [`TestControlError`] if the samples don't carry the spectrum.
     pub fn by_spectrum(test: &SrsTest, of: &LawSettings<'_>) -> Result<ShockLaw, TestControlError> {
         let [_, to_hz] = test.profile.band_hz();
-        let (rate_hz, most_hz) = (of.rate_hz, HIGH[0] * of.rate_hz);
+        let rate_hz = of.rate_hz;
+        let most_hz = HIGH[0] * of.rate_hz;
         if to_hz > most_hz {
             return Err(TestControlError::Rate { to_hz, rate_hz, most_hz });
         }
@@ -198,7 +199,8 @@ impl ShockLaw {
             Known::Nothing => {}
             Known::Roughly => {
                 let size = |k: usize| self.taper[k] * libm::sqrt(self.wanted[k].norm_sqr());
-                let (rms_m_s2, noise) = (IDENTIFIED_LEVEL * self.peak_m_s2, self.probe.noise_density());
+                let rms_m_s2 = IDENTIFIED_LEVEL * self.peak_m_s2;
+                let noise = self.probe.noise_density();
                 self.identification.shape(size, LEAST_LINE, rms_m_s2, noise);
             }
             Known::Well => {
@@ -225,7 +227,8 @@ impl ShockLaw {
         self.stage = Stage::Pause(self.pause);
         self.identification.bank.restart();
         self.response.fill(ZERO);
-        (self.shot_peak_n, self.too_high) = (0.0, 0);
+        self.shot_peak_n = 0.0;
+        self.too_high = 0;
     }
 
     fn level(&self) -> f64 {
@@ -235,7 +238,8 @@ impl ShockLaw {
     /// Returns the drive of the present sample of a shot.
     fn shot_drive_n(&self) -> f64 {
         let bank = &self.identification.bank;
-        let (n, last) = (bank.sample, bank.period - 1);
+        let n = bank.sample;
+        let last = bank.period - 1;
         // The frame fades in and out at both of its ends.
         let edge = n.min(last - n);
         raised_cosine(edge as f64 / self.fade as f64) * self.level() * bank.sum(&self.drive)
@@ -246,7 +250,9 @@ impl ShockLaw {
         if sample.lost > 0 {
             return Step { drive_n: 0.0, end: Some(End::Stopped(StopReason::SamplesLost { samples: sample.lost })) };
         }
-        let (n, level, limit_n) = (self.identification.bank.sample, self.level(), self.limit_n);
+        let n = self.identification.bank.sample;
+        let level = self.level();
+        let limit_n = self.limit_n;
         self.reading[n] = sample.control_m_s2;
         self.identification.bank.read(&mut self.response, sample.control_m_s2);
         let drive_n = self.shot_drive_n();
@@ -275,7 +281,8 @@ impl ShockLaw {
         }
         let energy: f64 = self.reading[self.lead..=n].iter().map(|sample| sample * sample).sum();
         let rms = |energy: f64| libm::sqrt(energy / count as f64);
-        let (got_m_s2, expected_m_s2) = (rms(energy), level * rms(self.energy));
+        let got_m_s2 = rms(energy);
+        let expected_m_s2 = level * rms(self.energy);
         // A reading that is not a number is lost, too.
         let is_there = energy >= LOST * level * level * self.energy;
         (!is_there).then_some(End::Stopped(StopReason::Lost { got_m_s2, expected_m_s2 }))
@@ -308,9 +315,11 @@ impl ShockLaw {
         }
         if !is_same_level {
             // The structure may respond otherwise at another level, so that the errors can't be compared.
-            (self.least_error, self.step) = (f64::INFINITY, 1.0);
+            self.least_error = f64::INFINITY;
+            self.step = 1.0;
         }
-        let (needed_n, limit_n) = (next * self.drive_peak_n, self.limit_n);
+        let needed_n = next * self.drive_peak_n;
+        let limit_n = self.limit_n;
         let end = End::of_drive(needed_n, limit_n);
         if end.is_none() {
             self.begin_pause();
@@ -323,7 +332,10 @@ impl Law for ShockLaw {
     fn restart(&mut self) {
         self.probe.restart();
         // Everything else is set when its stage begins. An infinite error makes the first shot the best one so far.
-        (self.stage, self.shot, self.step, self.least_error) = (Stage::Check, 0, 1.0, f64::INFINITY);
+        self.stage = Stage::Check;
+        self.shot = 0;
+        self.step = 1.0;
+        self.least_error = f64::INFINITY;
     }
 
     fn step(&mut self, sample: &TestSample<'_>) -> Step {
@@ -449,7 +461,8 @@ fn damped_sines(test: &SrsTest, rate_hz: f64) -> Option<Vec<f64>> {
             .enumerate()
             .fold([0.0, 0.0], |[sum, double], (n, value)| [sum + value, double + value * (count - n) as f64])
     };
-    let ([a, c], [b, d]) = (ends(&slow), ends(&slower));
+    let [a, c] = ends(&slow);
+    let [b, d] = ends(&slower);
     let wave = |amplitudes: &[f64]| -> Vec<f64> {
         let mut wave = vec![0.0; count];
         for ((amplitude, sine), index) in amplitudes.iter().zip(&sines).zip(0_usize..) {
@@ -501,11 +514,15 @@ mod tests {
             let db = 20.0 * libm::log10(found / test.profile.at(*hz).unwrap());
             assert!(db.abs() < 0.05, "{hz}: {db}");
         }
-        let (mut velocity, mut place, mut low, mut high) = (0.0, 0.0, 0.0_f64, 0.0_f64);
+        let mut velocity = 0.0;
+        let mut place = 0.0;
+        let mut low = 0.0_f64;
+        let mut high = 0.0_f64;
         for sample in &wave {
             velocity += sample / 1000.0;
             place += velocity / 1000.0;
-            (low, high) = (low.min(place), high.max(place));
+            low = low.min(place);
+            high = high.max(place);
         }
         assert!(velocity.abs() < 1e-12 && place.abs() < 1e-12, "{velocity} {place}");
         let peak = wave.iter().fold(0.0_f64, |peak, sample| peak.max(sample.abs()));

@@ -224,7 +224,8 @@ impl SweptSineLaw {
         let lines = &self.identification.responses[0];
         let step = TAU * self.rate_hz / self.identification.bank.period as f64;
         for (k, sharpness) in self.sharpness.iter_mut().enumerate() {
-            let (low, high) = (k.saturating_sub(1), (k + 1).min(lines.len() - 1));
+            let low = k.saturating_sub(1);
+            let high = (k + 1).min(lines.len() - 1);
             let ratio = lines[high] / lines[low];
             let logarithm = libm::hypot(0.5 * libm::log(ratio.norm_sqr()), libm::atan2(ratio.im, ratio.re));
             *sharpness = (high - low) as f64 * step / logarithm;
@@ -235,7 +236,8 @@ impl SweptSineLaw {
     fn gain(&self, frequency_hz: f64, bandwidth_hz: f64) -> f64 {
         let last = self.sharpness.len() - 1;
         let [low, high] = [-1.0, 1.0].map(|side| self.place(frequency_hz + side * bandwidth_hz));
-        let (low, high) = ((low.max(0.0) as usize).min(last), (high.max(0.0) as usize).min(last));
+        let low = (low.max(0.0) as usize).min(last);
+        let high = (high.max(0.0) as usize).min(last);
         let sharpest = self.sharpness[low..=high].iter().fold(f64::INFINITY, |least, sharp| least.min(*sharp));
         sharpest.min(GAIN_BANDWIDTHS * bandwidth_hz).min(MOST_GAIN)
     }
@@ -260,7 +262,8 @@ impl SweptSineLaw {
         match known {
             Known::Nothing => {}
             Known::Roughly => {
-                let (rms_m_s2, noise) = (self.identified_m_s2(), self.probe.noise_density());
+                let rms_m_s2 = self.identified_m_s2();
+                let noise = self.probe.noise_density();
                 self.identification.shape(|_| 1.0, 0.0, rms_m_s2, noise);
             }
             Known::Well => {
@@ -360,15 +363,19 @@ impl SweptSineLaw {
         }
         let samples = |seconds: f64| (seconds * self.rate_hz) as u32;
         let abort = self.test.abort.unwrap_or(ABORT);
-        let (limit, least) = ((1.0 + abort) * level, (1.0 - abort).max(LOST) * level);
+        let limit = (1.0 + abort) * level;
+        let least = (1.0 - abort).max(LOST) * level;
         self.too_high = if amplitude > limit { self.too_high + 1 } else { 0 };
         // An amplitude that is not a number is lost, too.
         self.lost = if amplitude >= least { 0 } else { self.lost + 1 };
         if self.too_high > samples(TOO_HIGH_S) {
-            let (got_m_s2, expected_m_s2, limit_m_s2) = (amplitude, level, limit);
+            let got_m_s2 = amplitude;
+            let expected_m_s2 = level;
+            let limit_m_s2 = limit;
             return Some(End::Stopped(StopReason::TooHigh { got_m_s2, expected_m_s2, limit_m_s2 }));
         }
-        let (got_m_s2, expected_m_s2) = (FRAC_1_SQRT_2 * amplitude, FRAC_1_SQRT_2 * level);
+        let got_m_s2 = FRAC_1_SQRT_2 * amplitude;
+        let expected_m_s2 = FRAC_1_SQRT_2 * level;
         (self.lost > samples(LOST_S)).then_some(End::Stopped(StopReason::Lost { got_m_s2, expected_m_s2 }))
     }
 
@@ -391,8 +398,13 @@ impl Law for SweptSineLaw {
         self.phase = TestPhase::Silence;
         self.control = Tracking::default();
         self.limited.fill(Tracking::default());
-        (self.asked_level, self.level) = (0.0, 0.0);
-        (self.correction, self.hold, self.too_high, self.lost, self.full_samples) = (0.0, 0, 0, 0, 0);
+        self.asked_level = 0.0;
+        self.level = 0.0;
+        self.correction = 0.0;
+        self.hold = 0;
+        self.too_high = 0;
+        self.lost = 0;
+        self.full_samples = 0;
         self.stuck = Stuck::default();
         self.frequency_hz = self.test.band_hz()[0];
     }

@@ -143,7 +143,8 @@ impl Axis {
         }
         if command == NmtCommand::ResetNode {
             self.reset();
-            (self.controlword, self.mode) = (0, 0);
+            self.controlword = 0;
+            self.mode = 0;
             self.begin_epoch();
         }
     }

@@ -291,7 +291,9 @@ impl Cia402Exciter {
     /// # Errors
     /// [`FrameCheck`] says what is wrong with it: nothing of it is used then.
     fn hear(&mut self, now_ns: u64, place: usize, frame: &Frame) -> Result<(), FrameCheck> {
-        let (slave, id, data) = (self.slaves[place], frame.id(), frame.data());
+        let slave = self.slaves[place];
+        let id = frame.id();
+        let data = frame.data();
         if frame.format() != FrameFormat::Classic {
             return Err(FrameCheck::Format);
         }
@@ -350,7 +352,8 @@ impl Cia402Exciter {
             }
             Message::Control(place, controlword) => {
                 let slave = &self.slaves[place];
-                let ([a, b], [c, d]) = (controlword.to_le_bytes(), slave.target.to_le_bytes());
+                let [a, b] = controlword.to_le_bytes();
+                let [c, d] = slave.target.to_le_bytes();
                 classic(slave.id(COMMAND_BASE), &[a, b, c, d])
             }
             Message::Sync => classic(Id::Standard(SYNC_ID), &[]),

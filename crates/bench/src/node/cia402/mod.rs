@@ -97,7 +97,8 @@ impl Drive {
 
     /// Shows position, velocity and the torque that acted up to the sample in the object dictionary.
     fn measure(&mut self, states: &States, held: &Load) -> Result<(), PublishError> {
-        let (spec, joint) = (self.axis.spec, self.axis.spec.joint);
+        let spec = self.axis.spec;
+        let joint = self.axis.spec.joint;
         let moved = [(states.coordinates(), false), (states.rates(), true)].map(|(of_joints, is_rate)| {
             let got = of_joints.get(joint).copied().unwrap_or(f64::NAN);
             if got.is_finite() {
@@ -191,7 +192,8 @@ impl Cia402Node {
             // without current.
             self.guard.reduce(self.sum(|axis| axis.acting_nm));
         }
-        let (listening, is_reaction_over) = (self.core.listening, self.guard.ramp_left() == 0);
+        let listening = self.core.listening;
+        let is_reaction_over = self.guard.ramp_left() == 0;
         for drive in &mut self.drives {
             drive.axis.restart(&listening);
             if is_reaction_over {
@@ -215,7 +217,8 @@ impl Cia402Node {
         if self.guard.is_answered() || !self.drives.iter().any(|drive| drive.axis.is_new()) {
             return;
         }
-        let (index, load) = (self.guard.sample as u16, self.sum(Axis::share_nm));
+        let index = self.guard.sample as u16;
+        let load = self.sum(Axis::share_nm);
         let state = self.state();
         let outcome = self.guard.take(&mut self.core, state, index, load);
         let listening = self.core.listening;
@@ -280,8 +283,10 @@ impl PlantInterface for Cia402Node {
         self.look(now_ns);
         // Whether the plant was armed is asked before the frame acts: a SYNC that enables the first drive, by a
         // controlword that waited for it, answers no sample.
-        let (was_armed, mut is_sync) = (self.is_armed(), false);
-        let (mut refused, mut is_other_sender) = (None, false);
+        let was_armed = self.is_armed();
+        let mut is_sync = false;
+        let mut refused = None;
+        let mut is_other_sender = false;
         for place in 0..self.drives.len() {
             let Drive { server, axis } = &mut self.drives[place];
             match server.handle_frame(now_ns, frame, axis) {
@@ -367,7 +372,8 @@ impl PlantInterface for Cia402Node {
         let PublishedSample { measurement, states, travel_m } = sample;
         self.guard.measured(measurement.sample, *travel_m);
         self.is_synced = false;
-        let (held, now_ns) = (self.held, self.now_ns);
+        let held = self.held;
+        let now_ns = self.now_ns;
         for drive in &mut self.drives {
             drive.measure(states, &held)?;
             drive.server.sampled(now_ns);
@@ -384,7 +390,9 @@ impl PlantInterface for Cia402Node {
 
     fn fault(&mut self, _now_ns: u64, code: EmergencyCode, detail: u16) {
         let Some(Emergency { sample, .. }) = self.guard.fault(&mut self.core, code, detail) else { return };
-        let ([a, b], [c, d], number) = (detail.to_le_bytes(), sample.to_le_bytes(), error_code(code));
+        let [a, b] = detail.to_le_bytes();
+        let [c, d] = sample.to_le_bytes();
+        let number = error_code(code);
         for drive in &mut self.drives {
             drive.axis.fail(code);
             // CiA 301 leaves five bytes to the manufacturer: here detail and index of the sample, low byte first.

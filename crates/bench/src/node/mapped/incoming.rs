@@ -97,13 +97,16 @@ impl Receiver {
     /// Notes that the waiting load has been judged.
     pub fn judged(&mut self, is_taken: bool, listening: &Listening) {
         if let Some(load) = self.pending.take().filter(|_| is_taken) {
-            (self.taken, self.taken_ns) = (load, listening.listened_ns());
+            self.taken = load;
+            self.taken_ns = listening.listened_ns();
         }
     }
 
     /// Commands no load any more, and restarts the timeout.
     pub fn restart(&mut self, listening: &Listening) {
-        (self.pending, self.taken, self.taken_ns) = (None, Load::default(), listening.listened_ns());
+        self.pending = None;
+        self.taken = Load::default();
+        self.taken_ns = listening.listened_ns();
     }
 
     /// Returns whether its load is older than its timeout.

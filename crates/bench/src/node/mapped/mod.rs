@@ -183,7 +183,8 @@ impl MappedNode {
     /// Takes in a load. In lockstep by commands, a load before the first sample answers nothing, and a second
     /// one for the same sample would shift all later ones.
     fn receive(&mut self, now_ns: u64, index: usize, frame: &Frame) -> Result<(), FrameCheck> {
-        let (waits_for_set, round) = (self.waits_for_set(), self.round);
+        let waits_for_set = self.waits_for_set();
+        let round = self.round;
         let receiver = &mut self.receivers[index];
         let was_new = receiver.is_new();
         let is_second = was_new || round == Round::Answered;
@@ -310,7 +311,8 @@ impl MappedNode {
         // A drive that lacks a required value makes the plant count as not armed for this command: the gate
         // rejects it.
         let state = if is_ready { self.state() } else { NodeState::PreOperational };
-        let (index, load) = (self.guard.sample as u16, self.shares());
+        let index = self.guard.sample as u16;
+        let load = self.shares();
         let outcome = self.guard.take(&mut self.core, state, index, load);
         if outcome.is_ok() && are_all_new {
             self.guard.heeded();
@@ -339,8 +341,8 @@ impl MappedNode {
     /// Returns whether the received loads are within a hundredth of the exciter's limits.
     fn is_nearly_zero(&self) -> bool {
         let load = self.receivers.iter().fold(Load::default(), |sum, receiver| sum + receiver.share());
-        let ((force_n, torque_nm), (force_limit_n, torque_limit_nm)) =
-            (self.exciter.size(&load), self.exciter.limits());
+        let (force_n, torque_nm) = self.exciter.size(&load);
+        let (force_limit_n, torque_limit_nm) = self.exciter.limits();
         force_n <= 0.01 * force_limit_n && torque_nm <= 0.01 * torque_limit_nm
     }
 
@@ -470,7 +472,8 @@ impl PlantInterface for MappedNode {
                 let name = OUTPUTS.get(place).map_or_else(|| ChannelName::of_reading(place), |channel| channel.name);
                 return Err(PublishError::NotFinite { name, got: reading.value });
             }
-            (self.values.readings[place], self.values.clipped[place]) = (reading.value, reading.clipped);
+            self.values.readings[place] = reading.value;
+            self.values.clipped[place] = reading.clipped;
         }
         self.values.states = **states;
         let is_after_sync = self.time_base == TimeBase::Lockstep && self.lockstep == Lockstep::Sync;

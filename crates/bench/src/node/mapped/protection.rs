@@ -33,7 +33,8 @@ impl Form {
     /// # Errors
     /// [`ProtectionFault::Format`] or [`ProtectionFault::Long`].
     pub fn check(&self, frame: &Frame) -> Result<(), ProtectionFault> {
-        let (expected, got) = (self.format, frame.format());
+        let expected = self.format;
+        let got = frame.format();
         let is_fd = |format| matches!(format, FrameFormat::Fd { .. });
         if is_fd(expected) != is_fd(got) || got == FrameFormat::Remote {
             return Err(ProtectionFault::Format { got, expected });

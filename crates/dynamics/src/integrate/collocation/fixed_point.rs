@@ -51,7 +51,9 @@ impl<D: Dynamics<N>, const S: usize, const N: usize> SolveStages<N> for Iteratio
     #[inline(always)]
     fn solve(self, equation: &impl StageEquation<N>) -> Option<Solution<S, N>> {
         let stages = self.stages;
-        let (mut made_of, mut slopes, mut before) = (MadeOf::Start, [Wide::splat(0.0); N], None);
+        let mut made_of = MadeOf::Start;
+        let mut slopes = [Wide::splat(0.0); N];
+        let mut before = None;
         for _ in 0..MOST_ITERATIONS {
             let states = match made_of {
                 MadeOf::Start => stages.moved(&Motion::splat(0.0)),

@@ -77,11 +77,14 @@ impl<const S: usize, const N: usize> Step<S, N> {
     pub fn new(of: &MethodCoefficients<S>) -> Step<S, N> {
         // Lanes beyond the last stage repeat it: they compute finite numbers that nobody reads.
         let last = |i: usize| i.min(S - 1);
-        let (mut c, mut b) = ([0.0; S], [0.0; S]);
-        let (mut stage, mut rounded, mut weights) =
-            ([Matrix::zero(); S], [Matrix::zero().high; S], [Matrix::zero(); S]);
+        let mut c = [0.0; S];
+        let mut b = [0.0; S];
+        let mut stage = [Matrix::zero(); S];
+        let mut rounded = [Matrix::zero().high; S];
+        let mut weights = [Matrix::zero(); S];
         for j in 0..S {
-            (c[j], b[j]) = (of.c[j].high, of.b[j].high);
+            c[j] = of.c[j].high;
+            b[j] = of.b[j].high;
             stage[j] = Matrix::new(&|i, row, column| (of.stage)(last(i), j, row, column));
             rounded[j] = stage[j].rounded();
             weights[j] = Matrix::new(&|_, row, column| (of.weight)(j, row, column));
@@ -166,7 +169,8 @@ fn add_square_product<T: Real, const N: usize>(
     [by_position, by_velocity]: &[Columns<T, N>; 2],
     y: &Motion<f64, N>,
 ) {
-    let (x, v) = (product(by_position, &y.x), product(by_velocity, &y.v));
+    let x = product(by_position, &y.x);
+    let v = product(by_velocity, &y.v);
     *sum = sum.zip(&x.zip(&v, |x, v| x + v), |sum, product| sum + product);
 }
 
@@ -263,7 +267,8 @@ impl<const S: usize, const N: usize> Collocation<S, N> {
         y: &Motion<f64, N>,
         excitation: &impl Excitation<D::Load>,
     ) -> Result<Motion<f64, N>, IntegrateError> {
-        let (step, mut y) = (&self.levels[level], *y);
+        let step = &self.levels[level];
+        let mut y = *y;
         for k in 0..1_u32 << level {
             y = step.advance(&self.linear, dynamics, t_s + f64::from(k) * step.h_s, &y, excitation)?;
         }
@@ -387,7 +392,8 @@ impl<const S: usize, const N: usize> Step<S, N> {
         add_square_product(&mut change, &self.end.high, &stages.y);
         let next = stages.y.zip(&change, |y, change| y + change);
         // Stages can converge to a wrong step. The energy shows it: it changes by more or less than the work done.
-        let (before, after) = (stages.dynamics.energy_j(&stages.y), stages.dynamics.energy_j(&next));
+        let before = stages.dynamics.energy_j(&stages.y);
+        let after = stages.dynamics.energy_j(&next);
         let defect_j = libm::fabs(after - before - solution.work_j);
         if defect_j <= ENERGY_DEFECT_LIMIT * before.max(after).max(ENERGY_WHOLE_J) {
             Ok(next)

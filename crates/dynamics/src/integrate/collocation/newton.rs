@@ -64,7 +64,8 @@ fn iterate<D: Dynamics<N>, const S: usize, const N: usize>(
             let terms: f64 = terms.map(|(by, number)| libm::fabs(by * number)).sum();
             largest = largest.max(libm::fabs(acceleration[row])).max(LEAST_SUM * terms);
             residual[i][row] = slopes[i][row] - slope[row];
-            let (mut by_x, mut by_v) = (by_position[row], by_velocity[row]);
+            let mut by_x = by_position[row];
+            let mut by_v = by_velocity[row];
             for n in 0..N {
                 by_x[n] -= stages.linear[0][row][n];
                 by_v[n] -= stages.linear[1][row][n];

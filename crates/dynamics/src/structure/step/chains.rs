@@ -76,7 +76,8 @@ fn boxed<const N: usize>(
 impl<const N: usize> Stepped<N> {
     /// A force at a point acts on every link up to it.
     pub(super) fn load(&self, load: &[f64]) -> LinksLoad<f64, N> {
-        let (mut torque_nm, mut force_n) = ([0.0; N], [[0.0; 2]; N]);
+        let mut torque_nm = [0.0; N];
+        let mut force_n = [[0.0; 2]; N];
         for (number, dof, share) in &self.drive {
             let load = share * load.get(*number).copied().unwrap_or(0.0);
             if load == 0.0 {

@@ -37,7 +37,8 @@ impl<const N: usize> Stepped<N> {
             change_m_s: [start_change; 2],
             mean_m_s: start_m_s + 0.5 * start_change,
         };
-        let (mut before_a, mut change) = (f64::INFINITY, f64::INFINITY);
+        let mut before_a = f64::INFINITY;
+        let mut change = f64::INFINITY;
         for _ in 0..MOST_PASSES {
             let current = circuit.current(start_a, voltage_v, &stroke);
             let course = Course::Coil { current, force_factor_n_a, start_s: t_s, step_s: driver.step_s };

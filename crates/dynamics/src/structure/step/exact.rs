@@ -77,7 +77,8 @@ impl Flow {
         let damped = omega_rad_s * libm::sqrt((1.0 - damping_ratio) * (1.0 + damping_ratio));
         let decay = libm::exp(-sigma * h_s);
         let (sine, cosine) = libm::sincos(damped * h_s);
-        let (over, half) = (sine / damped, libm::sin(0.5 * damped * h_s));
+        let over = sine / damped;
+        let half = libm::sin(0.5 * damped * h_s);
         let square = omega_rad_s * omega_rad_s;
         let held = -libm::expm1(-sigma * h_s) + decay * (2.0 * half * half - sigma * over);
         Flow {
@@ -90,10 +91,13 @@ impl Flow {
 
     /// The flow of a mode with ζ ≥ 1, which does not oscillate.
     fn overdamped(omega_rad_s: f64, damping_ratio: f64, h_s: f64) -> Flow {
-        let (sigma, square) = (damping_ratio * omega_rad_s, omega_rad_s * omega_rad_s);
+        let sigma = damping_ratio * omega_rad_s;
+        let square = omega_rad_s * omega_rad_s;
         let [c, s] = mode_transient(omega_rad_s, damping_ratio, h_s);
         let rates = Rates::new(omega_rad_s, damping_ratio);
-        let (slow, fast, gap) = (rates.slow, rates.fast(), 2.0 * rates.half_gap);
+        let slow = rates.slow;
+        let fast = rates.fast();
+        let gap = 2.0 * rates.half_gap;
         // Where 2sh is small, the quotients of the module's head cancel, and its left sides are taken. The last of
         // them cancels itself in steps that are short against all rates: there it is the series.
         let (back, held) = if gap * h_s > MOST_TURN {
@@ -114,7 +118,8 @@ impl Flow {
 
     /// A and Ȧ of a step under e^{iΩt}, Ω being `drive_rad_s`.
     fn driven(omega_rad_s: f64, damping_ratio: f64, drive_rad_s: f64, h_s: f64) -> Driven {
-        let (mut part_s, mut halvings) = (h_s, 0);
+        let mut part_s = h_s;
+        let mut halvings = 0;
         // Of an overdamped mode the damping is the fastest.
         let fastest = omega_rad_s.max(drive_rad_s.abs()).max(damping_ratio * omega_rad_s);
         while fastest * part_s > MOST_TURN && halvings < MOST_HALVINGS {
@@ -125,7 +130,8 @@ impl Flow {
         for _ in 0..halvings {
             let Flow { position: [a, b, _], velocity: [d, e, _], .. } = Flow::new(omega_rad_s, damping_ratio, part_s);
             let (sine, cosine) = libm::sincos(drive_rad_s * part_s);
-            let (turn, [q, v]) = (Complex::new(cosine, sine), sum);
+            let turn = Complex::new(cosine, sine);
+            let [q, v] = sum;
             sum = [q * turn + (q * a + v * b), v * turn + (q * d + v * e)];
             part_s *= 2.0;
         }
@@ -135,11 +141,15 @@ impl Flow {
     /// The same by the series, of a short part of a step.
     fn series(omega_rad_s: f64, damping_ratio: f64, drive_rad_s: f64, part_s: f64) -> Driven {
         let turn = omega_rad_s * part_s;
-        let (damping, stiffness) = (2.0 * damping_ratio * turn, turn * turn);
+        let damping = 2.0 * damping_ratio * turn;
+        let stiffness = turn * turn;
         let drive = Complex::new(0.0, drive_rad_s * part_s);
         // cⱼ kʲ, that before it, and Hⱼ kʲ.
-        let (mut own, mut before, mut both) = (1.0, 0.0, Complex::new(1.0, 0.0));
-        let (mut factorial, mut sum) = (1.0, [Complex::new(0.0, 0.0); 2]);
+        let mut own = 1.0;
+        let mut before = 0.0;
+        let mut both = Complex::new(1.0, 0.0);
+        let mut factorial = 1.0;
+        let mut sum = [Complex::new(0.0, 0.0); 2];
         for term in 0..TERMS {
             factorial /= f64::from(term + 1);
             sum = [sum[0] + both * (factorial / f64::from(term + 2)), sum[1] + both * factorial];
@@ -180,7 +190,8 @@ pub(super) fn engine(modal: &Modal, assembly: &Assembly, drive: &[Dof], rate_hz:
     let rest = vec![0.0; flows.len()];
     let none = DrivenModes { rad_s: f64::NAN, modes: vec![Driven::default(); flows.len()] };
     let driven = vec![none; 1 + MOST_LOAD_HARMONICS];
-    let (q, v) = (rest.clone(), rest);
+    let q = rest.clone();
+    let v = rest;
     Box::new(Exact { step_s, modes, flows, driven, drive: rows(assembly, drive), q, v })
 }
 
@@ -223,9 +234,12 @@ impl Exact {
         let [mut q, mut v] = [[0.0; MOST_MODES]; 2];
         let mut finite = true;
         for (i, flow) in self.flows.iter().enumerate() {
-            let (x, rate, [moved, pushed]) = (self.q[i], self.v[i], added(i, flow));
+            let x = self.q[i];
+            let rate = self.v[i];
+            let [moved, pushed] = added(i, flow);
             let Flow { position: [a, b, _], velocity: [d, e, _], .. } = *flow;
-            (q[i], v[i]) = (a * x + b * rate + moved, d * x + e * rate + pushed);
+            q[i] = a * x + b * rate + moved;
+            v[i] = d * x + e * rate + pushed;
             finite &= q[i].is_finite() & v[i].is_finite();
         }
         if !finite {

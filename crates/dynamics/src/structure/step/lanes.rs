@@ -165,7 +165,9 @@ mod tests {
         ) {
             let assembly = chain(count, gravity_m_s2, off_m, with_elements);
             let drive = ["joint1", "tip.x"].map(|name| assembly.dof(name).unwrap());
-            let (rate_hz, omega_rad_s, steps) = (16_000.0, 140.0, 20_u32);
+            let rate_hz = 16_000.0;
+            let omega_rad_s = 140.0;
+            let steps = 20_u32;
             let mut stepper = Stepper::new(&assembly, &drive, Scheme::Dop853, rate_hz).unwrap();
             let start = |(size, numbers): &(f64, [f64; 6])| {
                 let scale = |(i, number): (usize, &f64)| number * if i < count { *size } else { 20.0 };
@@ -209,7 +211,8 @@ mod tests {
         let mut expected = starts.clone();
         advance(&links, 1e-4, &load, &steps, &mut expected);
         let steps = Steps { links: &links, h_s: 1e-4, load: &load, sines: &sines, times: 3 };
-        let (mut plain, mut singly) = (starts.clone(), starts);
+        let mut plain = starts.clone();
+        let mut singly = starts;
         side_by_side(|motion: &mut Motion<Lanes<LANES>, 2>| Group { steps, motion }.run(), &mut plain);
         side_by_side(|motion: &mut Motion<f64, 2>| Group { steps, motion }.run(), &mut singly);
         assert_eq!([&plain, &singly], [&expected; 2]);

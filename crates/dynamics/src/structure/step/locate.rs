@@ -21,11 +21,13 @@ pub(super) struct Located<S> {
 /// halve the bracket in three trials bisects.
 pub(super) fn locate<S>(h_s: f64, before: f64, trial: impl Fn(f64) -> (S, f64)) -> Located<S> {
     let (mut state, margin) = trial(h_s);
-    let (mut low, mut high) = ((0.0, before), (h_s, margin));
+    let mut low = (0.0, before);
+    let mut high = (h_s, margin);
     if margin >= 0.0 || !margin.is_finite() {
         return Located { state, after_s: h_s };
     }
-    let (mut last_low, mut checkpoint) = (None, (0, h_s));
+    let mut last_low = None;
+    let mut checkpoint = (0, h_s);
     for count in 0..MOST_TRIALS {
         let width = high.0 - low.0;
         if width <= RELATIVE_BRACKET * h_s {
@@ -49,7 +51,8 @@ pub(super) fn locate<S>(h_s: f64, before: f64, trial: impl Fn(f64) -> (S, f64)) 
             // The end that stays for the second time counts for half, or it would never move.
             high.1 *= if last_low == Some(true) { 0.5 } else { 1.0 };
         } else {
-            (high, state) = ((at, margin), next);
+            high = (at, margin);
+            state = next;
             low.1 *= if last_low == Some(false) { 0.5 } else { 1.0 };
         }
         last_low = Some(is_low);

@@ -176,7 +176,8 @@ impl Stepper {
             Body::Modal(modal) if !assembly.has_elements() => exact::engine(modal, assembly, drive, rate_hz),
             _ => piecewise::engine(assembly, drive, None, rate_hz)?,
         };
-        let (assembly, step_s) = (assembly.clone(), 1.0 / rate_hz);
+        let assembly = assembly.clone();
+        let step_s = 1.0 / rate_hz;
         Ok(Stepper { assembly, scheme, step_s, loads: drive.len(), armature: None, engine })
     }
 
@@ -201,7 +202,8 @@ impl Stepper {
             (Body::Modal(modal), _) if !assembly.has_elements() => shaken::engine(modal, assembly, armature, rate_hz),
             _ => piecewise::engine(assembly, &[], Some(armature), rate_hz)?,
         };
-        let (assembly, step_s) = (assembly.clone(), 1.0 / rate_hz);
+        let assembly = assembly.clone();
+        let step_s = 1.0 / rate_hz;
         Ok(Stepper { assembly, scheme, step_s, loads: 1, armature: Some(*armature), engine })
     }
 
@@ -328,7 +330,8 @@ impl Stepper {
         if self.engine.read(load, current_a, dofs, out) {
             return;
         }
-        let (mut acceleration, v) = ([0.0; MOST_COORDINATES], self.velocity());
+        let mut acceleration = [0.0; MOST_COORDINATES];
+        let v = self.velocity();
         let a = &mut acceleration[..v.len()];
         self.engine.acceleration(load, current_a, a);
         let at = self.assembly.at(self.position());
@@ -380,7 +383,8 @@ impl Stepper {
     /// # Errors
     /// [`StepError::Saved`] if the numbers are more or fewer, or one is not finite; nothing changes then.
     pub fn restore(&mut self, saved: &[f64]) -> Result<(), StepError> {
-        let (n, states) = (self.assembly.coordinates(), self.states());
+        let n = self.assembly.coordinates();
+        let states = self.states();
         // A number that is not finite counts as the end, so that the message says where it is.
         let finite = saved.iter().position(|number| !number.is_finite()).unwrap_or(saved.len());
         if finite != saved.len() || (finite != states && finite != self.saved_len()) {
@@ -417,7 +421,8 @@ impl Stepper {
 /// ∂x/∂q at rest of every degree of freedom, n numbers each, one after the other: of modes those everywhere.
 fn rows(assembly: &Assembly, dofs: &[Dof]) -> Vec<f64> {
     let n = assembly.coordinates();
-    let (rest, mut rows) = ([0.0; MOST_COORDINATES], alloc::vec![0.0; n * dofs.len()]);
+    let rest = [0.0; MOST_COORDINATES];
+    let mut rows = alloc::vec![0.0; n * dofs.len()];
     let at = assembly.at(&rest[..n]);
     for (row, dof) in rows.chunks_exact_mut(n).zip(dofs) {
         at.load_direction(*dof, row);

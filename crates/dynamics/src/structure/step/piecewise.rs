@@ -171,7 +171,8 @@ impl Piecewise {
     /// x and v of an element at a state, where the structure is `at`.
     fn element_motion(&self, index: usize, element: &Element, at: &Position<'_>, state: &State) -> (f64, f64) {
         let n = self.assembly.coordinates();
-        let (q, v) = (&state.q[..n], &state.v[..n]);
+        let q = &state.q[..n];
+        let v = &state.v[..n];
         match self.assembly.body {
             Body::Modal(_) => {
                 let row = &self.element_rows[index * n..(index + 1) * n];
@@ -190,8 +191,10 @@ impl Piecewise {
         at: &Position<'_>,
         state: &State,
     ) -> [[f64; MOST_DISPLACEMENTS]; 2] {
-        let ([mut x, mut v], n) = ([[0.0; MOST_DISPLACEMENTS]; 2], self.assembly.coordinates());
-        let (q, rates) = (&state.q[..n], &state.v[..n]);
+        let [mut x, mut v] = [[0.0; MOST_DISPLACEMENTS]; 2];
+        let n = self.assembly.coordinates();
+        let q = &state.q[..n];
+        let rates = &state.v[..n];
         for (k, dof) in polynomial.at().iter().enumerate() {
             (x[k], v[k]) = match self.assembly.body {
                 Body::Modal(_) => {
@@ -217,9 +220,12 @@ impl Piecewise {
     /// ẍ and ż on the branches.
     fn slope(&self, state: &State, branches: &Branches, (load, t_s): (&StepLoad<'_>, f64)) -> Slope {
         let n = self.assembly.coordinates();
-        let (mut force, mut z, mut row) = ([0.0; MOST_COORDINATES], [0.0; MOST_ELEMENTS], [0.0; MOST_COORDINATES]);
+        let mut force = [0.0; MOST_COORDINATES];
+        let mut z = [0.0; MOST_ELEMENTS];
+        let mut row = [0.0; MOST_COORDINATES];
         let is_modal = matches!(self.assembly.body, Body::Modal(_));
-        let (at, factor) = (self.at(state), load.factor(t_s));
+        let at = self.at(state);
+        let factor = load.factor(t_s);
         for (i, (dof, load)) in self.drive.iter().zip(load.numbers()).enumerate() {
             if !is_modal {
                 at.direction(*dof, &mut row);
@@ -255,14 +261,17 @@ impl Piecewise {
                 force.iter_mut().zip(row).for_each(|(force, w)| *force -= w * pull);
             }
         }
-        let (v, mut acceleration) = (&state.v[..n], [0.0; MOST_COORDINATES]);
-        let (mut added, mut current_a_s) = (None, 0.0);
+        let v = &state.v[..n];
+        let mut acceleration = [0.0; MOST_COORDINATES];
+        let mut added = None;
+        let mut current_a_s = 0.0;
         if let Some(armature) = &self.armature {
             let blocked_n = factor * load.numbers().first().copied().unwrap_or(0.0);
             let push = armature.push(&at, v, state.current_a, blocked_n);
             armature.direction(&at, &mut row[..n]);
             force.iter_mut().zip(&row[..n]).for_each(|(force, w)| *force += w * push.force_n);
-            (added, current_a_s) = (Some((armature.mass_kg, &row[..n])), push.current_a_s);
+            added = Some((armature.mass_kg, &row[..n]));
+            current_a_s = push.current_a_s;
         }
         at.accelerate_with(v, &force[..n], added, &mut acceleration[..n]);
         Slope { acceleration, z, current_a_s }
@@ -271,7 +280,8 @@ impl Piecewise {
     /// One step of the method.
     fn moved(&self, from: &Start, branches: &Branches, load: &StepLoad<'_>, h_s: f64) -> State {
         let Start { state: from, slope: first, t_s } = from;
-        let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
+        let n = self.assembly.coordinates();
+        let m = self.assembly.element_states();
         let mut velocities = [from.v; DOP853.c.len()];
         let mut slopes = [*first; DOP853.c.len()];
         let combined = |weights: &[f64], velocities: &[[f64; MOST_COORDINATES]], slopes: &[Slope]| {
@@ -308,7 +318,8 @@ impl Piecewise {
 
     /// The least of the margins; negative where an element has left its branch.
     fn margin(&self, state: &State) -> f64 {
-        let (at, mut least) = (self.at(state), f64::INFINITY);
+        let at = self.at(state);
+        let mut least = f64::INFINITY;
         for (i, element) in self.assembly.elements().iter().enumerate() {
             for margin in self.margins(i, element, &at, state).iter().flatten() {
                 least = least.min(margin.value);
@@ -320,7 +331,8 @@ impl Piecewise {
     /// Returns a time in a part of `h_s` at which a margin that is not negative at its ends may be: the first of the
     /// lows of the margins' cubics through both ends.
     fn dip_s(&self, start: &State, end: &State, h_s: f64) -> Option<f64> {
-        let ([at_start, at_end], mut first) = ([start, end].map(|state| self.at(state)), None::<f64>);
+        let [at_start, at_end] = [start, end].map(|state| self.at(state));
+        let mut first = None::<f64>;
         for (i, element) in self.assembly.elements().iter().enumerate() {
             let ends = [(&at_start, start), (&at_end, end)];
             let [margins, later] = ends.map(|(at, state)| self.margins(i, element, at, state));
@@ -370,7 +382,9 @@ impl Piecewise {
         // Within a part an element may be pressed further, and be stiffer, than where the part starts.
         let reach_s = (PHASE_RAD / libm::sqrt(self.fastest_squared)).min(h_s);
         let [squared, decay] = self.armature_bounds;
-        let (at, mut squared, mut decay) = (self.at(state), self.fastest_squared + squared, decay);
+        let at = self.at(state);
+        let mut squared = self.fastest_squared + squared;
+        let mut decay = decay;
         for (i, element) in self.assembly.elements().iter().enumerate() {
             let (position, velocity) = self.element_motion(i, element, &at, state);
             let [stiffness, damping, rate] = element.law.steepest(position, velocity, reach_s);
@@ -381,7 +395,8 @@ impl Piecewise {
         }
         for (first, polynomial) in self.polynomials() {
             let [mut reach, v] = self.polynomial_motion((first, polynomial), &at, state);
-            let (size, mut bound) = (polynomial.at().len(), [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS]);
+            let size = polynomial.at().len();
+            let mut bound = [0.0; MOST_DISPLACEMENTS * MOST_DISPLACEMENTS];
             reach.iter_mut().zip(v).for_each(|(x, v)| *x = x.abs() + v.abs() * reach_s);
             polynomial.most_stiffness(&reach[..size], &mut bound);
             let mobility = &self.polynomial_mobility[first..first + size];
@@ -401,7 +416,10 @@ impl Piecewise {
 
     /// One step; the number of switches beyond [`MOST_EVENTS`] makes it a fallback.
     fn whole_step(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<State, StepError> {
-        let (mut state, mut done_s, mut share, first_event) = (self.state, 0.0, 1.0, self.events);
+        let mut state = self.state;
+        let mut done_s = 0.0;
+        let mut share = 1.0;
+        let first_event = self.events;
         // Every pass makes a part or switches, and both are bounded.
         loop {
             if self.margin(&state) < 0.0 {
@@ -497,7 +515,8 @@ impl Piecewise {
     }
 
     fn is_finite(&self, state: &State) -> bool {
-        let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
+        let n = self.assembly.coordinates();
+        let m = self.assembly.element_states();
         let numbers = state.q[..n].iter().chain(&state.v[..n]).chain(&state.z[..m]).chain([&state.current_a]);
         numbers.fold(true, |all, number| all & number.is_finite())
     }
@@ -516,16 +535,19 @@ fn add(sum: &mut [f64], weight: f64, of: &[f64]) {
 /// A = 6 (m₀ − m₁) + 3h (d₀ + d₁)     B = −6 (m₀ − m₁) − 4h d₀ − 2h d₁     C = h d₀
 /// ```
 fn dip_s([start, end]: [Margin; 2], h_s: f64) -> Option<f64> {
-    let (fall, rise) = (h_s * start.rate?, h_s * end.rate?);
+    let fall = h_s * start.rate?;
+    let rise = h_s * end.rate?;
     if !(fall < 0.0 && rise > 0.0) {
         return None;
     }
     let drop = start.value - end.value;
-    let (a, b) = (6.0 * drop + 3.0 * (fall + rise), -6.0 * drop - 4.0 * fall - 2.0 * rise);
+    let a = 6.0 * drop + 3.0 * (fall + rise);
+    let b = -6.0 * drop - 4.0 * fall - 2.0 * rise;
     // Both roots without cancellation (q = −½ (B + sign(B) √(B² − 4AC)), then q/A and C/q).
     let larger = -0.5 * (b + libm::copysign(libm::sqrt((b * b - 4.0 * a * fall).max(0.0)), b));
     let at = [larger / a, fall / larger].into_iter().find(|at| *at > 0.0 && *at < 1.0)?;
-    let (back, turn) = (1.0 - at, at * (1.0 - at));
+    let back = 1.0 - at;
+    let turn = at * (1.0 - at);
     let value = start.value * back * back * (1.0 + 2.0 * at) + end.value * at * at * (3.0 - 2.0 * at);
     let low = value + turn * (back * fall - at * rise);
     (low < DIP * (rise - fall)).then_some(at * h_s)
@@ -533,7 +555,8 @@ fn dip_s([start, end]: [Margin; 2], h_s: f64) -> Option<f64> {
 
 impl Engine for Piecewise {
     fn state(&self) -> StateRef<'_> {
-        let (n, m) = (self.assembly.coordinates(), self.assembly.element_states());
+        let n = self.assembly.coordinates();
+        let m = self.assembly.element_states();
         let State { q, v, z, current_a } = &self.state;
         let coil = if self.armature.is_some() { core::slice::from_ref(current_a) } else { &[] };
         let branches = &self.branches[..self.assembly.elements().len()];
@@ -550,7 +573,8 @@ impl Engine for Piecewise {
     }
 
     fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
-        let (branches, counters) = (self.branches, [self.events, self.fallbacks]);
+        let branches = self.branches;
+        let counters = [self.events, self.fallbacks];
         match self.whole_step(t_s, load) {
             Ok(state) => {
                 self.state = state;
@@ -567,7 +591,8 @@ impl Engine for Piecewise {
     }
 
     fn acceleration(&self, load: &[f64], current_a: Option<f64>, out: &mut [f64]) {
-        let (mut state, mut blocked_n) = (self.state, [0.0]);
+        let mut state = self.state;
+        let mut blocked_n = [0.0];
         let load = match (current_a, &self.armature) {
             (Some(current_a), Some(armature)) => {
                 state.current_a = current_a;

@@ -66,11 +66,13 @@ pub(super) fn engine(modal: &Modal, assembly: &Assembly, armature: &Armature, ra
 
 /// E by rows, each with its factor of F.
 fn flow(modal: &Modal, armature: &Armature, w: &[f64], step_s: f64) -> Vec<f64> {
-    let (n, coil) = (w.len(), &armature.coil);
+    let n = w.len();
+    let coil = &armature.coil;
     let rate_1_s = coil.rate_1_s();
     let inductance_h = rate_1_s.map_or(0.0, |rate_1_s| coil.resistance_ohm() / rate_1_s);
     let states = 2 * n + usize::from(rate_1_s.is_some());
-    let (size, root) = (states + 1, libm::sqrt(inductance_h));
+    let size = states + 1;
+    let root = libm::sqrt(inductance_h);
     let square: f64 = w.iter().map(|w| w * w).sum();
     let lightness = 1.0 / (1.0 + armature.mass_kg * square);
     let damping_n_s_m = armature.damping_n_s_m + coil.drag_n_s_m();
@@ -172,7 +174,8 @@ impl Engine for Shaken {
 
     fn advance(&mut self, t_s: f64, load: &StepLoad<'_>) -> Result<(), StepError> {
         let blocked_n = load.numbers().first().copied().unwrap_or(0.0);
-        let (states, mut next) = (self.numbers.len(), [0.0; MOST_NUMBERS]);
+        let states = self.numbers.len();
+        let mut next = [0.0; MOST_NUMBERS];
         let mut finite = true;
         for ((next, row), number) in next.iter_mut().zip(self.flow.chunks_exact(states + 1)).zip(&self.numbers) {
             // The change is summed first, and added to the number last, so that a small one keeps its digits.

@@ -23,7 +23,8 @@ fn each(survey: &Survey<'_>, mode: usize, wanted: fn(f64) -> bool, kind: impl Fn
 
 /// Returns the backbones at these poses in words and numbers.
 fn listed(survey: &Survey<'_>, driven: Driven, mode: usize, poses: &[f64]) -> (String, Vec<super::Number>) {
-    let (mut words, mut numbers) = (Vec::new(), Vec::new());
+    let mut words = Vec::new();
+    let mut numbers = Vec::new();
     for beta2_deg in poses {
         match survey.bent(driven, *beta2_deg, mode) {
             Ok(bent) => {
@@ -65,7 +66,8 @@ pub(super) fn second_stiff_when_bent(survey: &Survey<'_>) -> Judgement {
 pub(super) fn characters_change(survey: &Survey<'_>) -> Judgement {
     let poses = &survey.settings.figure4.beta2_deg;
     survey.over_torques(0, |driven| {
-        let (mut words, mut numbers) = (Vec::new(), Vec::new());
+        let mut words = Vec::new();
+        let mut numbers = Vec::new();
         let mut zone = |mode: usize| -> Seen<bool> {
             let all: Vec<Seen<&Bent>> = poses.iter().map(|pose| survey.bent(driven, *pose, mode)).collect();
             let count = |bending| all.iter().filter(|bent| bent.as_ref().is_ok_and(|bent| bent.is(bending))).count();

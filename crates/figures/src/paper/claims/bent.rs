@@ -39,7 +39,8 @@ impl Bent {
 
 /// Returns the backbone of a mode (0 or 1) up to an amplitude of the excitation.
 pub(super) fn bent(subject: &Subject, arm: &Assembly, mode: usize, drive: (Drive, f64)) -> Result<Bent, PaperError> {
-    let (forced, joint1) = (drive.0.forced(arm, drive.1)?, arm.dof("joint1")?);
+    let forced = drive.0.forced(arm, drive.1)?;
+    let joint1 = arm.dof("joint1")?;
     let mut options = BackboneOptions::new(&forced, mode, f64::INFINITY, drive.1, vec![joint1]);
     [options.branch.from, options.branch.to] = zone_hz(natural_hz(arm)[mode]);
     let curve = backbone(&forced, &options).map_err(|source| PaperError::Analysis {

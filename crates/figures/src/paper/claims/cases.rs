@@ -47,7 +47,8 @@ pub(super) fn signed(value: f64) -> String {
 
 /// Says whether all parts hold, if that is known: one that doesn't is enough for `false`.
 pub(super) fn all_hold(parts: impl Iterator<Item = Seen<bool>>) -> Seen<bool> {
-    let (mut unknown, mut holds) = (None, true);
+    let mut unknown = None;
+    let mut holds = true;
     // All parts are asked: a later one that does not hold settles the matter.
     for part in parts {
         match part {
@@ -82,9 +83,11 @@ pub(super) fn over<T: Copy + PartialEq>(
 impl Survey<'_> {
     /// Judges a case for each torque of Fig. 4, the figure's own being that of the zone of a mode.
     pub fn over_torques(&self, mode: usize, judge: impl Fn(Driven) -> Seen<Opinion>) -> Judgement {
-        let (settings, preset) = (self.settings, self.subject.preset);
+        let settings = self.settings;
+        let preset = self.subject.preset;
         let judge = |nm| judge(Driven::Torque { nm });
-        let (own, torques) = (own_torque_nm(settings, preset, mode), torques_nm(settings, preset, mode));
+        let own = own_torque_nm(settings, preset, mode);
+        let torques = torques_nm(settings, preset, mode);
         over("torques", own, torques, (|nm| format!("{nm} N·m"), judge))
     }
 

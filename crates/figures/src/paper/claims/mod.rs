@@ -196,7 +196,8 @@ fn enough(computed: usize, all: usize) -> bool {
 /// Returns the verdict on a statement from those on its cases.
 fn verdict(cases: &[Verdict]) -> Verdict {
     let count = |verdict| cases.iter().filter(|case| **case == verdict).count();
-    let (holds, not) = (count(Verdict::Holds), count(Verdict::DoesNotHold));
+    let holds = count(Verdict::Holds);
+    let not = count(Verdict::DoesNotHold);
     match (holds, not, enough(holds + not, cases.len())) {
         (0, 0, _) => Verdict::NotComputed,
         (0, _, true) => Verdict::DoesNotHold,

@@ -94,7 +94,8 @@ mod tests {
         let [one, two] = [1.0, 2.0].map(|force_n| amplitude_m(&arm, &blow(force_n)).unwrap());
         assert!((two / one - 2.0).abs() < 1e-4, "{one} {two}");
         let tip = ["tip.x", "tip.y"].map(|name| arm.dof(name).unwrap());
-        let (mut w, mass) = ([0.0; 2], arm.linear().mass);
+        let mut w = [0.0; 2];
+        let mass = arm.linear().mass;
         arm.at(&[0.0; 2]).load_direction(tip[0], &mut w);
         let momentum = nalgebra::Vector2::from(w) * (2e-3 / PI);
         let rates = nalgebra::Matrix2::from_row_slice(&mass).try_inverse().unwrap() * momentum;

@@ -88,7 +88,8 @@ impl Report {
             let Claim { id, section, statement, rule, .. } = claim;
             let _infallible = writeln!(text, "{id} (Section {section})\n  {statement}\n  Holds if {rule}.");
             for finding in &claim.findings {
-                let (name, verdict) = (finding.preset.name(), finding.verdict.words());
+                let name = finding.preset.name();
+                let verdict = finding.verdict.words();
                 let _infallible = writeln!(text, "    {name} {verdict}{}: {}", mark(claim, finding), finding.value());
             }
         }
@@ -118,10 +119,12 @@ impl Report {
         }
         for claim in &self.claims {
             let Claim { id, section, statement, rule, .. } = claim;
-            let (statement, rule) = (plain(statement), plain(rule));
+            let statement = plain(statement);
+            let rule = plain(rule);
             let _infallible = writeln!(text, "\n**`{id}`** (Section {section}): {statement} Holds if {rule}.\n");
             for finding in &claim.findings {
-                let (name, verdict) = (finding.preset.name(), finding.verdict.words());
+                let name = finding.preset.name();
+                let verdict = finding.verdict.words();
                 let _infallible = writeln!(text, "- `{name}` {verdict}: {}", plain(&finding.value()));
             }
         }
@@ -179,7 +182,9 @@ mod tests {
     #[test]
     fn markdown_is_a_table_and_no_text_breaks_it() {
         let findings = Preset::ALL.map(|preset| finding(preset, &[Verdict::Holds, Verdict::DoesNotHold])).to_vec();
-        let (id, section, statement) = ("name", "4", "It grows with |β2|.");
+        let id = "name";
+        let section = "4";
+        let statement = "It grows with |β2|.";
         let claim =
             |chosen_for| Claim { id, section, statement, rule: "|x| < 1", chosen_for, findings: findings.clone() };
         insta::assert_snapshot!(Report { claims: vec![claim(true), claim(false)] }.markdown(), @r"

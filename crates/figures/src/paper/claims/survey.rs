@@ -178,7 +178,8 @@ pub(super) fn jobs(subject: &Subject, settings: &Settings) -> Result<Vec<Job>, P
 
 /// Returns the poses at which the frequency of Fig. 5 is near to the first natural frequency, degrees.
 fn poses_of_figure5(subject: &Subject, settings: &Settings) -> Result<Vec<f64>, PaperError> {
-    let (step, nearness) = (settings.scan.figure5_step_deg, settings.scan.figure5_nearness);
+    let step = settings.scan.figure5_step_deg;
+    let nearness = settings.scan.figure5_nearness;
     let mut poses = Vec::new();
     for k in 0..=(180.0 / step) as u32 {
         // Not by adding the step, whose rounding would add up.
@@ -205,7 +206,8 @@ fn view(subject: &Subject, place: Place) -> View {
     let Place { driven, beta2_deg, mode } = place;
     let zone = || -> Result<Zone, PaperError> {
         let arm = driven.arm(subject, beta2_deg)?;
-        let (range_hz, (drive, amplitude)) = (zone_hz(natural_hz(&arm)[mode]), driven.drive());
+        let range_hz = zone_hz(natural_hz(&arm)[mode]);
+        let (drive, amplitude) = driven.drive();
         Ok(Zone::of(&Traced::joints(subject, &arm, drive).over_frequency(amplitude, range_hz)?))
     };
     // Zone and backbone fail separately: a statement that needs one of them can be judged without the other.
@@ -214,7 +216,8 @@ fn view(subject: &Subject, place: Place) -> View {
 }
 
 fn folds_over_torque(subject: &Subject, settings: &Settings, beta2_deg: f64) -> Result<Vec<f64>, PaperError> {
-    let (five, arm) = (&settings.figure5, subject.bent(beta2_deg)?);
+    let five = &settings.figure5;
+    let arm = subject.bent(beta2_deg)?;
     let largest_nm = *five.largest_torque_nm.of(subject.preset);
     let branch = Traced::joints(subject, &arm, Drive::Torque1).over_amplitude(largest_nm, five.frequency_hz)?;
     Ok(branch.bifurcations(BifurcationKind::Fold).map(|fold| fold.excitation).collect())

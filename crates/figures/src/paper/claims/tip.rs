@@ -57,7 +57,8 @@ pub(super) fn second_zone_leans_more(survey: &Survey<'_>) -> Judgement {
         let holds = all_hold(
             seven.beta2_deg.iter().map(|pose| shifts(*pose).map(|[first, second]| second.abs() > first.abs())),
         )?;
-        let (mut listed, mut numbers) = (Vec::new(), Vec::new());
+        let mut listed = Vec::new();
+        let mut numbers = Vec::new();
         for pose in &seven.beta2_deg {
             let Ok([first, second]) = shifts(*pose) else {
                 listed.push(format!("{pose}° ?"));
@@ -139,7 +140,9 @@ pub(super) fn second_maximum(survey: &Survey<'_>) -> Judgement {
         if let (Some(Err(why)), false) = (zones.get(computed), enough(computed, zones.len())) {
             return Err(why.clone());
         }
-        let (mut counts, mut seconds, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
+        let mut counts = Vec::new();
+        let mut seconds = Vec::new();
+        let mut numbers = Vec::new();
         for (n, zone) in forces.iter().zip(zones.iter().flatten()).take(computed) {
             // The maxima come by their height, and the second highest need not be the second most prominent.
             let mut prominences: Vec<f64> = zone.maxima[1].iter().map(|maximum| maximum.prominence).collect();
@@ -176,7 +179,8 @@ pub(super) fn soft_then_stiff(survey: &Survey<'_>) -> Judgement {
     let nine = &survey.settings.figure9;
     survey.over_heights_and_forces(nine.force_n, |driven| {
         let bent = |mode| survey.bent(driven, nine.beta2_deg, mode);
-        let (first, second) = (bent(0)?, bent(1)?);
+        let first = bent(0)?;
+        let second = bent(1)?;
         let holds = first.bending == Some(Bending::Softening) && second.bending == Some(Bending::Hardening);
         let numbers =
             vec![number("shift of zone 1", first.shift_hz, "Hz"), number("shift of zone 2", second.shift_hz, "Hz")];

@@ -89,7 +89,8 @@ const SIX: Range<f64> = 5.5..6.5;
 /// a larger ratio is enough for a no.
 pub(super) fn largest_ratio(survey: &Survey<'_>) -> Judgement {
     survey.over_torques(0, |driven| {
-        let (mut numbers, mut unknown) = (Vec::new(), None);
+        let mut numbers = Vec::new();
+        let mut unknown = None;
         for beta2_deg in &survey.settings.figure4.beta2_deg {
             for mode in [0, 1] {
                 match survey.zone(driven, *beta2_deg, mode) {
@@ -188,7 +189,8 @@ pub(super) fn folds_over_the_torque(survey: &Survey<'_>) -> Judgement {
             format!("{pose:.1}° at {} N·m", torques.join(" and "))
         };
         let ends: Vec<String> = folded.first().into_iter().chain(folded.last()).map(of).collect();
-        let (count, all) = (folded.len(), survey.over_torque.len());
+        let count = folded.len();
+        let all = survey.over_torque.len();
         let unknown = survey.over_torque.iter().filter(|(_, folds)| folds.is_err()).count();
         let unknown = if unknown > 0 { format!("; not computed: {unknown}") } else { String::new() };
         let value = format!("folds at {count} of {all} poses, {}{unknown}", ends.join(" to "));
@@ -227,7 +229,8 @@ pub(super) fn observed(survey: &Survey<'_>, kind: BifurcationKind) -> Judgement 
         0 => format!("in no zone under {by}"),
         _ => format!("in {count} zones under {by}, from {least} {unit}"),
     };
-    let (computed, all) = (survey.zones().count(), survey.views.len());
+    let computed = survey.zones().count();
+    let all = survey.views.len();
     if found.is_empty() && !enough(computed, all) {
         return once(Err(format!("only {computed} of {all} zones could be computed")));
     }

@@ -82,7 +82,8 @@ impl<'a> Object<'a> {
             TEN_MICROSECONDS => 10_000,
             NANOSECONDS => 1,
             got => {
-                let (what, expected) = ("the time of a frame has unit", "1 (10 µs) or 2 (1 ns)");
+                let what = "the time of a frame has unit";
+                let expected = "1 (10 µs) or 2 (1 ns)";
                 return Err(BlfFault::Number { what, got, expected });
             }
         };
@@ -161,7 +162,8 @@ impl<'a> Object<'a> {
     }
 
     fn bytes(&self, at: usize, length: usize) -> Result<&'a [u8], BlfFault> {
-        let (got, expected) = (self.0.len(), at + length);
+        let got = self.0.len();
+        let expected = at + length;
         self.0.get(at..expected).ok_or_else(|| BlfFault::Object {
             kind: self.kind().unwrap_or_default(),
             got,

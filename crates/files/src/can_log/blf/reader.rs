@@ -49,7 +49,9 @@ enum Stop {
 impl Reader {
     /// Opens a log and reads its head.
     pub fn open(path: &Path) -> Result<Reader, CanLogError> {
-        let (file, path, objects) = (open(path)?, path.to_path_buf(), Vec::new());
+        let file = open(path)?;
+        let path = path.to_path_buf();
+        let objects = Vec::new();
         let mut reader = Reader { path, file, position: 0, offset: 0, start_ns: 0, objects, taken: 0 };
         reader.head().map_err(|stop| reader.error(stop))?;
         Ok(reader)
@@ -61,7 +63,8 @@ impl Reader {
     }
 
     fn error(&self, stop: Stop) -> CanLogError {
-        let (path, offset) = (self.path.clone(), self.offset);
+        let path = self.path.clone();
+        let offset = self.offset;
         match stop {
             Stop::Io(source) => CanLogError::Read { path, source },
             Stop::Fault(fault) => CanLogError::Blf { path, offset, fault },
@@ -199,7 +202,8 @@ fn within(length: u32, least: usize) -> Result<usize, BlfFault> {
 fn unpack(container: &Object<'_>, objects: &mut Vec<u8>) -> Result<(), BlfFault> {
     let method = u16::from_le_bytes(container.number(BASE_HEAD)?);
     let expected = within(u32::from_le_bytes(container.number(BASE_HEAD + 8)?), 0)?;
-    let (content, before) = (container.from(CONTAINER_HEAD)?, objects.len());
+    let content = container.from(CONTAINER_HEAD)?;
+    let before = objects.len();
     match method {
         NO_COMPRESSION => objects.extend_from_slice(content),
         // One extra byte shows whether the container holds more than it states.
@@ -209,7 +213,8 @@ fn unpack(container: &Object<'_>, objects: &mut Vec<u8>) -> Result<(), BlfFault>
             .map(drop)
             .map_err(|error| BlfFault::Inflate { cause: error.to_string() })?,
         got => {
-            let (what, expected) = ("a container has compression method", "0 (none) or 2 (deflate)");
+            let what = "a container has compression method";
+            let expected = "0 (none) or 2 (deflate)";
             return Err(BlfFault::Number { what, got: got.into(), expected });
         }
     }
@@ -227,8 +232,11 @@ fn start_ns(got: [u16; 8]) -> Result<u64, BlfFault> {
     let narrow = |field: u16| i8::try_from(field).ok();
     let date = || {
         let nanosecond = i32::from(millisecond).checked_mul(1_000_000)?;
-        let (month, day, hour) = (narrow(month)?, narrow(day)?, narrow(hour)?);
-        let (minute, second) = (narrow(minute)?, narrow(second)?);
+        let month = narrow(month)?;
+        let day = narrow(day)?;
+        let hour = narrow(hour)?;
+        let minute = narrow(minute)?;
+        let second = narrow(second)?;
         DateTime::new(year.try_into().ok()?, month, day, hour, minute, second, nanosecond).ok()
     };
     date().and_then(date::unix_ns).ok_or(BlfFault::Date { got })

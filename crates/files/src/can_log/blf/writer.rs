@@ -159,7 +159,10 @@ fn system_time(unix_ms: u64) -> [u8; 16] {
     if stated_ms(unix_ms) > 0 {
         let date = date::utc(unix_ms);
         let weekday = date.weekday().to_sunday_zero_offset();
-        let (day, hour, minute, second) = (date.day(), date.hour(), date.minute(), date.second());
+        let day = date.day();
+        let hour = date.hour();
+        let minute = date.minute();
+        let second = date.second();
         let fields = [date.month(), weekday, day, hour, minute, second].map(i16::from);
         let fields = [date.year()].into_iter().chain(fields).chain([date.millisecond()]);
         for (field, place) in fields.zip(bytes.chunks_exact_mut(2)) {

@@ -149,7 +149,8 @@ fn with_mass(mass: &DMatrix<f64>) -> [Vec<usize>; 2] {
 
 /// Returns how many modes to keep.
 fn kept(modes: Option<usize>, mass: &DMatrix<f64>) -> Result<usize, StructureSectionError> {
-    let ([with_mass, _], rows) = (with_mass(mass), mass.nrows());
+    let [with_mass, _] = with_mass(mass);
+    let rows = mass.nrows();
     let all = with_mass.len();
     let most = all.min(MOST_MODES);
     match modes {
@@ -260,7 +261,8 @@ impl Condensed {
         if b.is_empty() {
             return Ok(damping.clone());
         }
-        let (direct, by_own) = (part(b, a), part(b, b) * &self.follows);
+        let direct = part(b, a);
+        let by_own = part(b, b) * &self.follows;
         // C_ba + C_bb G must vanish: otherwise the velocities of the massless degrees of freedom enter their
         // own equilibrium, which then has dynamics of its own.
         let rest = &direct + &by_own;
@@ -290,7 +292,9 @@ struct Mode {
 /// Computes the lowest modes of a supported or an unsupported structure; `None` if the eigenvalues don't
 /// converge.
 fn all_modes(of: &Condensed, keep: usize) -> Result<Option<Vec<Mode>>, MatrixError> {
-    let (mass, stiffness, rows) = (&of.mass, &of.stiffness, of.mass.nrows());
+    let mass = &of.mass;
+    let stiffness = &of.stiffness;
+    let rows = of.mass.nrows();
     if let Some(factor) = regular_factor(stiffness) {
         return Ok(modes(mass, &factor, keep, 0.0));
     }

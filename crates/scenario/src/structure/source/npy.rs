@@ -29,7 +29,9 @@ pub(super) fn square(bytes: &[u8]) -> Result<DMatrix<f64>, MatrixError> {
     // The header is a Python dictionary. NumPy writes its keys in a fixed order and quoting, so a search for
     // the key is enough and no parser of Python is needed.
     let of = |key| value(header, key).ok_or(not_npy("the header lacks `descr`, `fortran_order` or `shape`"));
-    let (kind, order, shape) = (of("'descr':")?, of("'fortran_order':")?, of("'shape':")?);
+    let kind = of("'descr':")?;
+    let order = of("'fortran_order':")?;
+    let shape = of("'shape':")?;
     let kind = kind.trim_start_matches('\'').split('\'').next().unwrap_or_default();
     if kind != "<f8" {
         return Err(MatrixError::Type { got: kind.to_owned() });

@@ -99,7 +99,8 @@ fn shape(of: &Assembly, mode: &StructureMode) -> BTreeMap<String, f64> {
 
 /// Returns the diagonal of C, 1/s, if the off-diagonal terms may be neglected.
 fn damping(of: &Assembly, modes: &[StructureMode]) -> Result<Vec<f64>, NotModal> {
-    let (n, linear) = (of.coordinates(), of.linear());
+    let n = of.coordinates();
+    let linear = of.linear();
     let entry = |i: usize, j: usize| {
         let row = |k: usize| (0..n).map(|m| linear.damping[k * n + m] * modes[j].shape[m]).sum::<f64>();
         (0..n).map(|k| modes[i].shape[k] * row(k)).sum::<f64>()

@@ -102,7 +102,8 @@ impl HeadMass {
             HeadMass::ModalA([re, im], omega_rad_s) => {
                 // μ = a exp(−2jθ)/2jω, as the module documentation derives. Dividing by j swaps the parts and
                 // negates one.
-                let (sin, cos) = (libm::sin(twice_rad), libm::cos(twice_rad));
+                let sin = libm::sin(twice_rad);
+                let cos = libm::cos(twice_rad);
                 let (re, im) = (re * cos + im * sin, im * cos - re * sin);
                 [im / (2.0 * omega_rad_s), -re / (2.0 * omega_rad_s)]
             }
@@ -353,7 +354,8 @@ fn lines_of_nodes(records: &mut Records<'_>, into: &mut Vec<Vec<u32>>) -> Result
 fn units(records: &mut Records<'_>) -> Result<Units, UffError> {
     records.next();
     let factors = records.numbers("dataset 164, the units", 2)?;
-    let (length, force) = (factors[0], factors[1]);
+    let length = factors[0];
+    let force = factors[1];
     if length > 0.0 && force > 0.0 {
         Ok(Units { length, force })
     } else {
@@ -390,7 +392,8 @@ fn head_of_55(records: &mut Records<'_>) -> Result<ModeHead, UffError> {
 
 /// Returns the dynamics of a mode with a complex eigenvalue, from the numbers of the eigenvalue and of modal A.
 fn complex(records: &Records<'_>, mode: i64, numbers: &[f64]) -> Result<Dynamics, UffError> {
-    let (sigma, omega) = (numbers[0], numbers[1]);
+    let sigma = numbers[0];
+    let omega = numbers[1];
     if omega <= 0.0 {
         return records.refuse(UffFault::Eigenvalue { mode, got: [sigma, omega] });
     }
@@ -477,7 +480,8 @@ const fn has_complex_values(kind: &[i64; 6]) -> bool {
 /// Returns the number of values at a node, which must be displacements.
 fn values_at_a_node(records: &Records<'_>, dataset: u32, kind: &[i64; 6]) -> Result<usize, UffError> {
     if !matches!(kind[3], UNKNOWN | GENERAL | DISPLACEMENT) {
-        let (what, expected) = ("specific data type", "8 (displacement)");
+        let what = "specific data type";
+        let expected = "8 (displacement)";
         return records.refuse(UffFault::Type { dataset, what, got: kind[3], expected });
     }
     match kind[5] {
@@ -519,7 +523,8 @@ fn mode(
     }
     // Σφᵢ² and Σ|φᵢ|² give the angle that makes the shape most nearly real, and the share that stays imaginary;
     // see the module documentation.
-    let (mut square, mut sum) = ([0.0, 0.0], 0.0);
+    let mut square = [0.0, 0.0];
+    let mut sum = 0.0;
     for &[re, im] in shape.values().flatten() {
         square = [square[0] + (re * re - im * im), square[1] + 2.0 * re * im];
         sum += re * re + im * im;
@@ -537,7 +542,9 @@ fn mode(
         (_, [got, 0.0]) => return Err(at(line, UffFault::ModalMass { mode: number, got })),
         (_, got) => return Err(at(line, UffFault::ModalA { mode: number, got, most: MOST_IMAGINARY })),
     };
-    let (scale, sin, cos) = (1.0 / libm::sqrt(mass_kg), libm::sin(0.5 * twice_rad), libm::cos(0.5 * twice_rad));
+    let scale = 1.0 / libm::sqrt(mass_kg);
+    let sin = libm::sin(0.5 * twice_rad);
+    let cos = libm::cos(0.5 * twice_rad);
     let real = |[re, im]: [f64; 2]| scale * if is_complex { re * cos + im * sin } else { re };
     let shape = shape.into_iter().map(|(node, values)| (node, values.map(real))).collect();
     Ok(Mode { frequency_hz, damping_ratio, shape, has_stated_mass: !is_known })

@@ -131,7 +131,8 @@ fn joint(element: &Node<'_, '_>) -> Result<Joint, UrdfError> {
         let missing = || UrdfError::Missing { element: format!("joint {name}"), what: tag };
         attribute(&child(element, tag).ok_or_else(missing)?, "link").map(str::to_owned)
     };
-    let (parent, child_link) = (of("parent")?, of("child")?);
+    let parent = of("parent")?;
+    let child_link = of("child")?;
     let stated = child(element, "axis");
     let axis_is_default = stated.is_none_or(|axis| axis.attribute("xyz").is_none());
     let axis = match stated {
@@ -172,8 +173,12 @@ fn body(inertial: &Node<'_, '_>, link: &str) -> Result<Inertial, UrdfError> {
     let mass_kg = number(&child(inertial, "mass").ok_or_else(|| missing("mass"))?, "value")?;
     let inertia = child(inertial, "inertia").ok_or_else(|| missing("inertia"))?;
     let entry = |name| number(&inertia, name);
-    let (xx, yy, zz) = (entry("ixx")?, entry("iyy")?, entry("izz")?);
-    let (xy, xz, yz) = (entry("ixy")?, entry("ixz")?, entry("iyz")?);
+    let xx = entry("ixx")?;
+    let yy = entry("iyy")?;
+    let zz = entry("izz")?;
+    let xy = entry("ixy")?;
+    let xz = entry("ixz")?;
+    let yz = entry("iyz")?;
     let inertia_kg_m2 = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     Ok(Inertial { frame: origin(inertial)?, mass_kg, inertia_kg_m2 })
 }

@@ -243,7 +243,8 @@ fn frames(robot: &Robot) -> BTreeMap<&str, Frame> {
     let mut frames: BTreeMap<&str, Frame> = BTreeMap::new();
     for link in robot.links.keys() {
         // Iterative and memoised: a recursion over a file's links would be as deep as the file likes.
-        let (mut way, mut at) = (vec![], link.as_str());
+        let mut way = vec![];
+        let mut at = link.as_str();
         while let (false, Some(joint)) = (frames.contains_key(at), robot.above(at)) {
             way.push(joint);
             at = &joint.parent;
@@ -262,7 +263,8 @@ fn groups<'a>(robot: &'a Robot, joints: &[&Joint]) -> BTreeMap<&'a str, Option<u
     let mut groups: BTreeMap<&str, Option<usize>> = BTreeMap::new();
     let own = |link: &str| joints.iter().position(|joint| joint.child == link);
     for link in robot.links.keys() {
-        let (mut way, mut at) = (vec![link.as_str()], link.as_str());
+        let mut way = vec![link.as_str()];
+        let mut at = link.as_str();
         let group = loop {
             match (groups.get(at), own(at), robot.above(at)) {
                 (Some(group), _, _) => break *group,

@@ -120,7 +120,9 @@ impl Quantities {
 fn unknown(place: &Place, name: &str, known: impl Iterator<Item = Channel>) -> WireError {
     let names: Vec<String> = known.map(|channel| channel.name.to_string()).collect();
     let suggestion = nearest(name, names.iter().map(String::as_str));
-    let (place, got, known) = (place.clone(), name.to_string(), names.join(", "));
+    let place = place.clone();
+    let got = name.to_string();
+    let known = names.join(", ");
     WireError::Name { place, what: "quantity", got, suggestion, known }
 }
 
@@ -135,7 +137,8 @@ fn scale(place: &Place, spec: &SourceSpec, channel: &Channel, signal: &Signal) -
         }
         value => Ok(value),
     };
-    let (scale, gear) = (checked("scale", spec.scale)?, checked("gear_ratio", spec.gear_ratio)?.unwrap_or(1.0));
+    let scale = checked("scale", spec.scale)?;
+    let gear = checked("gear_ratio", spec.gear_ratio)?.unwrap_or(1.0);
     let constant = checked("constant_per_a", spec.constant_per_a)?;
     let quantity = if constant.is_some() { Quantity::Current } else { channel.quantity };
     let of_motor = match channel.quantity {
@@ -176,7 +179,8 @@ fn check_range(
     limit: String,
 ) -> Result<(), WireError> {
     let [least, largest] = signal.wire().range();
-    let (from, to) = (offset - most.abs(), offset + most.abs());
+    let from = offset - most.abs();
+    let to = offset + most.abs();
     // One count of slack: a range that ends at a round number in the DBC often misses the limit by the last
     // count, and the signal saturates there.
     let count = signal.wire().resolution().unwrap_or(0.0);

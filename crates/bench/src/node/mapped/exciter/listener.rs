@@ -94,7 +94,9 @@ impl Listener {
     /// Forgets everything received: another plant, or the same one after a fault, counts anew.
     pub fn forget(&mut self) {
         self.check = ProtectionCheck::new(self.message.form(), &self.message.protection);
-        (self.last, self.has_come, self.clipped) = (None, false, 0);
+        self.last = None;
+        self.has_come = false;
+        self.clipped = 0;
     }
 
     /// Checks a frame and writes the readings in it to their places.
@@ -108,7 +110,9 @@ impl Listener {
         // all.
         self.message.signals.iter().try_for_each(|signal| signal.signal.read(payload).map(drop))?;
         self.clipped = 0;
-        let (mut heard, mut index, mut has_fault) = (Heard { ahead: 0, state: None, fault: None }, None, false);
+        let mut heard = Heard { ahead: 0, state: None, fault: None };
+        let mut index = None;
+        let mut has_fault = false;
         for signal in &self.message.signals {
             let Some(got) = signal.signal.read(payload)? else { continue };
             // A number that went through the bus is off by rounding, by half a count at most.

@@ -218,7 +218,8 @@ impl MappedExciter {
             self.ask(Ask::Rest);
         }
         self.ask(Ask::Arm);
-        (self.begins_anew, self.unarmed) = (false, 0);
+        self.begins_anew = false;
+        self.unarmed = 0;
         self.samples.is_whole &= self.says_state();
         // In lockstep a plant may say nothing before it is armed.
         self.is_asked = self.work.has_heard || self.lockstep.is_some();
@@ -321,7 +322,8 @@ impl MappedExciter {
         if self.is_first_due && !self.is_first && now_ns < self.last_at_ns() {
             return;
         }
-        (self.is_first_due, self.samples.is_whole) = (false, false);
+        self.is_first_due = false;
+        self.samples.is_whole = false;
         let ahead = core::mem::take(&mut self.samples.ahead);
         let measurement = self.samples.measurement(self.work.next_sample(&self.core, ahead, self.samples.every));
         match self.work.controller.answer_sample(&measurement) {
@@ -492,10 +494,12 @@ impl ExciterInterface for MappedExciter {
         if !self.work.rearm(&mut self.core, now_ns) {
             return false;
         }
-        (self.begins_anew, self.reason) = (true, None);
+        self.begins_anew = true;
+        self.reason = None;
         self.drives.iter_mut().for_each(|drive| drive.state = None);
         self.listeners.iter_mut().for_each(Listener::forget);
-        (self.samples.ahead, self.samples.is_whole) = (0, false);
+        self.samples.ahead = 0;
+        self.samples.is_whole = false;
         self.clear();
         true
     }

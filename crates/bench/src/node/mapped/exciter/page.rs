@@ -106,7 +106,8 @@ impl Page {
     /// Sets the switches so that the payload contains a signal. Returns `false`, without a change, if one of
     /// them already has another value.
     fn select(&mut self, presence: &Presence) -> bool {
-        let (mut template, mut switches) = (self.template.clone(), self.switches.clone());
+        let mut template = self.template.clone();
+        let mut switches = self.switches.clone();
         for condition in presence.conditions() {
             let is_set = switches.iter().any(|switch| switch.is_same_place(condition.switch()));
             if is_set && condition.holds(&template) != Some(true) {
@@ -120,7 +121,8 @@ impl Page {
                 switches.push(*condition.switch());
             }
         }
-        (self.template, self.switches) = (template, switches);
+        self.template = template;
+        self.switches = switches;
         true
     }
 
