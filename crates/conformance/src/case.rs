@@ -1,4 +1,4 @@
-//! A case.
+//! A conformance case: its name, its subject and its script.
 
 use resonarm_protocol::Node;
 use resonarm_session::run::Mode;

@@ -1,4 +1,4 @@
-//! What a case finds.
+//! The result of a conformance case.
 
 use super::traffic::Traffic;
 use resonarm_bus::BusError;

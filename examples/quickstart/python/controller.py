@@ -26,7 +26,7 @@ FAULT = 4
 ARM = 1
 DISARM = 2
 PLANT = 1
-# Without a frame for so long, the plant has gone.
+# The plant is taken to have gone if it sends no frame for this time.
 SILENCE_S = 30.0
 
 

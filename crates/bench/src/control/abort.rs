@@ -115,10 +115,11 @@ pub enum Abort {
         /// Relative change of the last one while it was read.
         drift: f64,
     },
-    /// The points so far predict no next periodic response: other modes move the driven point as much as this one.
+    /// The points so far predict no next periodic response, as where other modes move the driven point as much as the
+    /// followed one.
     #[error(
-        "the points found so far predict no response with a lag of {lag_deg:.1}\u{b0} at this load, where other modes move the driven point as much as \
-         this one; choose lags nearer to 90\u{b0} (`from_lag_deg` and `to_lag_deg` in `[control]`)"
+        "the points found so far predict no response with a lag of {lag_deg:.1}\u{b0} at this load: another mode may move the driven point as much as the \
+         followed one; choose lags nearer to 90\u{b0} (`from_lag_deg` and `to_lag_deg` in `[control]`), or another load"
     )]
     NotPredicted {
         /// Lag that the next point should have, degrees.

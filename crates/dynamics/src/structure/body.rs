@@ -1,4 +1,4 @@
-//! What a structure is without its elements.
+//! The body of a structure, on which its elements act.
 
 use alloc::boxed::Box;
 

@@ -166,8 +166,8 @@ fn a_walk_on_a_chain_is_on_the_computed_branch() {
     on_the_branch(&chain(), ("tip.x", 2), 20.0, None);
 }
 
-/// Two modes half a hertz apart move the tip alike, so that no response of the first alone has a lag of 170°. Stated were a
-/// lag, a frequency and an amplitude of NaN, on a free plate with modes at 67.8 and 73.0 Hz.
+/// Two modes half a hertz apart move the tip alike, so that the model of the first has no response with a lag of 170°. On a free
+/// plate with modes at 67.8 and 73.0 Hz the walk once named a lag, a frequency and an amplitude of NaN.
 #[test]
 fn a_lag_that_two_modes_do_not_reach_is_named() {
     let spec = PhaseWalkSpec { from_lag_deg: 170.0, to_lag_deg: 172.0, ..spec(Load::force_n(12.0, 0.0), 1) };

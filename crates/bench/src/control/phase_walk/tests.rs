@@ -201,6 +201,6 @@ fn says_why_it_gives_up() {
     the controller asks for 612.3 N at 22.1317 Hz, beyond the exciter's limit of 600 N: reduce the excitation, or raise the limit if the exciter allows it
     3 points in a row did not settle, the last at 22.1317 Hz and a lag of 23.3° (drift 5.9e-5): another mode takes part there, or the structure differs from the one in the scenario; check both
     the points found so far predict no response with a lag of 10.0° at this load: its frequency would be 31.500 Hz and its amplitude 0.700 m, but a phase walk stays within a tenth of the mode's frequency; choose lags nearer to 90° (`from_lag_deg` and `to_lag_deg` in `[control]`), or another load
-    the points found so far predict no response with a lag of 170.0° at this load, where other modes move the driven point as much as this one; choose lags nearer to 90° (`from_lag_deg` and `to_lag_deg` in `[control]`)
+    the points found so far predict no response with a lag of 170.0° at this load: another mode may move the driven point as much as the followed one; choose lags nearer to 90° (`from_lag_deg` and `to_lag_deg` in `[control]`), or another load
     ");
 }
